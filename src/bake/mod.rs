@@ -1,0 +1,1 @@
+//! Receivers, the plan, and the writers of results.

@@ -1,0 +1,1 @@
+//! What is integrated over the visible region.

@@ -1,0 +1,5 @@
+//! The command line; see `silhouette --help`.
+
+fn main() -> std::process::ExitCode {
+    silhouette::cli::run()
+}

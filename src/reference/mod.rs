@@ -1,0 +1,1 @@
+//! Independent judges: quasi-Monte Carlo by ray casting.

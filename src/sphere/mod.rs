@@ -1,0 +1,1 @@
+//! The unit sphere: octahedral map, harmonics, arcs, closed forms.

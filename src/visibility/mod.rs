@@ -1,0 +1,5 @@
+//! From the contours seen by a receiver to the visible region.
+
+mod contours;
+
+pub use contours::{Arc, ReceiverContours};
