@@ -1,5 +1,13 @@
 //! From the contours seen by a receiver to the visible region.
 
 mod contours;
+mod crossings;
+mod depth;
+mod isolines;
+mod sweep;
+mod view;
 
 pub use contours::{Arc, ReceiverContours};
+pub use isolines::{Frame, Isolines};
+pub use sweep::{Interval, Sweep};
+pub use view::{Receiver, View, Viewer};

@@ -1,0 +1,83 @@
+use glam::DVec3;
+
+use crate::scene::Geometry;
+use crate::visibility::Receiver;
+
+/// The points a result is computed for, in the order of its rows.
+#[derive(Clone, Debug, Default)]
+pub struct Receivers {
+    /// Positions, world space.
+    pub positions: Vec<DVec3>,
+    /// Unit normals; empty for probes, which see all around.
+    pub normals: Vec<DVec3>,
+    /// Faces each receiver leaves out, one list after another.
+    excluded: Vec<u32>,
+    /// Where each receiver's list starts, with an end mark; empty if no receiver leaves out anything.
+    starts: Vec<u32>,
+}
+
+impl Receivers {
+    /// Receivers on no surface of the scene: positions and unit normals are used as given.
+    pub fn points(points: impl IntoIterator<Item = (DVec3, DVec3)>) -> Self {
+        let (positions, normals) = points.into_iter().unzip();
+        Self { positions, normals, ..Self::default() }
+    }
+
+    /// Probes: receivers without a horizon.
+    pub fn probes(positions: Vec<DVec3>) -> Self {
+        Self { positions, ..Self::default() }
+    }
+
+    /// Receivers that each lie on one face: the points of a picture, for instance.
+    pub fn on_faces(points: impl IntoIterator<Item = (DVec3, DVec3, u32)>) -> Self {
+        let mut receivers = Self::default();
+        for (position, normal, face) in points {
+            receivers.positions.push(position);
+            receivers.normals.push(normal);
+            receivers.excluded.push(face);
+        }
+        receivers.starts = (0..=receivers.positions.len() as u32).collect();
+        receivers
+    }
+
+    /// The vertices of a mesh with their angle-weighted normals; each leaves out its own incident faces.
+    ///
+    /// A vertex whose faces' normals cancel (or that has no face) has no direction to look in; it gets +z, and its index is
+    /// among those returned.
+    pub fn vertices(geometry: &Geometry) -> (Self, Vec<usize>) {
+        let mut undirected = Vec::new();
+        let normals = geometry
+            .angle_weighted_normals()
+            .into_iter()
+            .enumerate()
+            .map(|(vertex, normal)| {
+                normal.unwrap_or_else(|| {
+                    undirected.push(vertex);
+                    DVec3::Z
+                })
+            })
+            .collect();
+        let (starts, excluded) = geometry.vertex_faces().into_parts();
+        let positions = geometry.positions.iter().map(|p| p.as_dvec3()).collect();
+        (Self { positions, normals, excluded, starts }, undirected)
+    }
+
+    /// Number of receivers.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// One receiver.
+    pub fn get(&self, index: usize) -> Receiver<'_> {
+        let excluded = match self.starts.get(index..index + 2) {
+            Some(&[start, end]) => &self.excluded[start as usize..end as usize],
+            _ => &[],
+        };
+        Receiver { position: self.positions[index], normal: self.normals.get(index).copied(), excluded }
+    }
+}

@@ -1,0 +1,57 @@
+use std::ops::ControlFlow;
+
+use dual_bvh::face_sign;
+use glam::DVec3;
+
+use super::contours::arc_plane;
+use super::crossings::{Passage, Place, passage, spine_jump};
+use super::{Frame, Isolines};
+use crate::scene::FaceTree;
+
+/// Counts the depth complexity W where isoline `line` meets the spine, by a ray that counts every face once.
+///
+/// Whether the ray crosses a face is decided by where the face's edges pass the spine, with the very predicates and signs
+/// that the contours use. So the count belongs to the same (symbolically perturbed) picture as the jumps, and stays
+/// consistent with them when the ray meets vertices or edges, or the receiver lies in a face's plane.
+pub(super) fn count_on_spine(
+    faces: &FaceTree,
+    isolines: &Isolines,
+    frame: Frame,
+    position: DVec3,
+    excluded: &[u32],
+    line: usize,
+) -> i32 {
+    let u = isolines.u(line);
+    let ray = frame.invert(DVec3::new(u, 0.0, 1.0 - u.abs()));
+    let mut depth = 0;
+    faces.visit(position, ray, |face| {
+        if !excluded.contains(&face) {
+            depth += covers(faces, isolines, frame, position, face, line as u32);
+        }
+        ControlFlow::Continue(())
+    });
+    depth
+}
+
+/// W of one face alone at isoline `line` on the spine: 1 if the face covers the place, else 0 (or -1 on the sliver of a
+/// face whose plane holds the receiver to rounding, as its contours have it).
+fn covers(faces: &FaceTree, isolines: &Isolines, frame: Frame, position: DVec3, face: u32, line: u32) -> i32 {
+    let vertices = faces.vertices(face);
+    let corners = faces.corners(face);
+    let sign = face_sign(position, corners[0], corners[1], corners[2]);
+    let directions = corners.map(|x| x - position);
+    let places = directions.map(|d| Place::of(frame.apply(d), isolines));
+    let (mut here, mut total) = (0, 0);
+    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+        // Edges run from the smaller vertex id to the larger, as they do among the candidates.
+        let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
+        let plane = frame.apply(arc_plane(directions[a], corners[a], corners[b]));
+        if let Some(Passage::Spine(below)) = passage(places[a], places[b], plane, isolines) {
+            let jump = spine_jump(orientation * sign as i32, places[b]);
+            total += jump;
+            here += if below <= line { jump } else { 0 };
+        }
+    }
+    // A face left on the way up the spine and not entered there was entered below its start, the pole -x.
+    here + (-total).max(0)
+}
