@@ -1,1 +1,13 @@
 //! The unit sphere: octahedral map, harmonics, arcs, closed forms.
+
+mod cosine_product;
+mod harmonics;
+mod quadrature;
+mod rotation;
+mod zonal;
+
+pub use cosine_product::cosine_product;
+pub use harmonics::{Order, evaluate, evaluate_many, index};
+pub use quadrature::{gauss_legendre, product_rule};
+pub use rotation::rotate;
+pub use zonal::{cap, clamped_cosine, hemisphere, legendre, rotate_zonal, zonal_cap};
