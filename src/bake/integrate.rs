@@ -4,32 +4,14 @@ use dual_bvh::{BuildOptions, DualBvh};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::request::Layout;
+use super::layout::Layout;
 use super::tiles::{TILE_RADIUS, tiles};
-use super::{Control, Receivers, Request};
-use crate::integrand::{self, LightMoments, LightTable, LineHarmonics, LineMoments};
-use crate::reference::{Qmc, RayScene};
-use crate::scene::{Environment, FaceTree, Geometry};
+use super::{Control, Method, Receivers, Request};
+use crate::integrand::{self, LightMoments, LightPatch, LightTable, LineHarmonics, LineMoments};
+use crate::scene::{FaceTree, Geometry};
 use crate::sphere::{self, Order};
 use crate::visibility::{Isolines, Sight, View, Viewer};
 use crate::{Error, Result};
-
-/// How visibility is integrated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Along octahedral u-isolines (Nowrouzezahrai et al. 2014): fixed cost; the error falls with about `lines^-1.5`.
-    Isolines {
-        /// How many isolines, even.
-        lines: usize,
-    },
-    /// Quasi-Monte Carlo rays: independent of everything else here; the error falls with about `samples^-0.75`.
-    Qmc {
-        /// Rays per receiver and integral.
-        samples: u32,
-        /// Seed of the random scrambling.
-        seed: u32,
-    },
-}
 
 /// What was computed, receiver by receiver.
 #[derive(Clone, Debug)]
@@ -104,14 +86,14 @@ impl Solution {
 /// finished and [`Solution::done`] tells which receivers are valid; the others hold zeros.
 pub fn integrate(
     geometry: &Geometry,
-    environment: Option<&Environment>,
+    environment: Option<&[LightPatch]>,
     receivers: &Receivers,
     request: &Request,
     method: Method,
     control: &dyn Control,
 ) -> Result<Solution> {
-    request.validate(receivers.normals.is_empty())?;
-    let light = match (request.needs_light(), environment) {
+    let layout = Layout::new(request, receivers.normals.is_empty())?;
+    let light = match (request.irradiance || request.vector_irradiance, environment) {
         (false, _) => None,
         (true, None) => return Err(Error::input("irradiance was asked for, but the scene has no environment")),
         (true, light) => light,
@@ -119,22 +101,31 @@ pub fn integrate(
     match method {
         Method::Isolines { lines } => {
             let started = Instant::now();
-            let isolines = Isolines::new(lines)?;
+            let isolines = Isolines::new(lines as usize)?;
             let edges = DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?;
             let faces = FaceTree::new(geometry.positions.clone(), geometry.triangles.clone());
-            let harmonics = request.visibility_order().map(|order| LineHarmonics::new(order, &isolines));
-            let light = light.map(|environment| LightTable::new(environment, &isolines));
+            let harmonics = visibility_order(request)?.map(|order| LineHarmonics::new(order, &isolines));
+            let light = light.map(|environment| LightTable::new(&isolines, environment.iter().copied()));
             let viewer = Viewer { edges: &edges, faces: &faces, isolines: &isolines };
-            let baker = AlongIsolines { viewer, harmonics, light, request, layout: request.layout() };
-            run(&baker, geometry, receivers, request, started, control)
+            let baker = AlongIsolines { viewer, harmonics, light, order: Order::new(request.order)?, layout };
+            run(&baker, &baker.layout, geometry, receivers, started, control)
         }
-        Method::Qmc { samples, seed } => {
-            let started = Instant::now();
-            let rays = RayScene::new(geometry);
-            let baker = ByRays { rays, light, qmc: Qmc::new(samples, seed)?, request, layout: request.layout() };
-            run(&baker, geometry, receivers, request, started, control)
-        }
+        Method::Qmc { .. } => todo!(),
     }
+}
+
+/// Bands of visibility from which everything asked for follows; none, if only light is.
+///
+/// The cosine is a harmonic of band 1, so that occlusion and the bent normal need two bands, and the transfer vector
+/// one more than it has itself.
+fn visibility_order(request: &Request) -> Result<Option<Order>> {
+    let order = Order::new(request.order)?;
+    let wanted = [
+        (request.ambient_occlusion || request.bent_normal).then_some(Order::new(2)?),
+        request.visibility_sh.then_some(order),
+        request.transfer_sh.then_some(order.raised()),
+    ];
+    Ok(wanted.into_iter().flatten().max())
 }
 
 /// A method at work on one tile of receivers after another.
@@ -147,13 +138,12 @@ trait Baker: Sync {
 
 fn run<B: Baker>(
     baker: &B,
+    layout: &Layout,
     geometry: &Geometry,
     receivers: &Receivers,
-    request: &Request,
     started: Instant,
     control: &dyn Control,
 ) -> Result<Solution> {
-    let layout = request.layout();
     let tiles = tiles(&receivers.positions, TILE_RADIUS * geometry.diagonal());
     let build_seconds = started.elapsed().as_secs_f64();
     let started = Instant::now();
@@ -179,7 +169,7 @@ fn run<B: Baker>(
             integrate_seconds: started.elapsed().as_secs_f64(),
             ..Statistics::default()
         },
-        layout,
+        layout: layout.clone(),
     };
     let width = solution.layout.width;
     for (tile, (rows, counts)) in tiles.iter().zip(finished).filter_map(|(tile, done)| Some((tile, done?))) {
@@ -197,7 +187,7 @@ struct AlongIsolines<'a> {
     viewer: Viewer<'a>,
     harmonics: Option<LineHarmonics>,
     light: Option<LightTable>,
-    request: &'a Request,
+    order: Order,
     layout: Layout,
 }
 
@@ -263,7 +253,7 @@ impl AlongIsolines<'_> {
                 Sight::Enclosed => {}
                 Sight::Part(_) => moments.finish(table, visibility),
             }
-            from_harmonics(self.request, &self.layout, visibility, receiver.normal, row);
+            from_harmonics(self.order, &self.layout, visibility, receiver.normal, row);
         }
         if let Some(table) = &self.light {
             if sight == Sight::Open {
@@ -283,20 +273,19 @@ fn open_sky(order: Order, normal: Option<DVec3>, out: &mut [f64]) {
 }
 
 /// Fills in what follows from the harmonics of the visibility, clamped to the hemisphere.
-fn from_harmonics(request: &Request, layout: &Layout, visibility: &[f64], normal: Option<DVec3>, row: &mut [f64]) {
+fn from_harmonics(order: Order, layout: &Layout, visibility: &[f64], normal: Option<DVec3>, row: &mut [f64]) {
     if let Some(out) = layout.slice("visibility_sh", row) {
-        out.copy_from_slice(&visibility[..request.order.len()]);
+        out.copy_from_slice(&visibility[..out.len()]);
     }
     if let Some(out) = layout.slice("bent_normal", row) {
-        let fallback = normal.unwrap_or(DVec3::Z);
-        out.copy_from_slice(&integrand::bent_normal(visibility, fallback).to_array());
+        out.copy_from_slice(&integrand::bent_normal(visibility).to_array());
     }
     let Some(normal) = normal else { return };
     if let Some(out) = layout.slice("ambient_occlusion", row) {
         out[0] = integrand::ambient_occlusion(visibility, normal);
     }
     if let Some(out) = layout.slice("transfer_sh", row) {
-        integrand::transfer(request.order, visibility, normal, out);
+        integrand::transfer(order, visibility, normal, out);
     }
 }
 

@@ -1,16 +1,21 @@
-/// How the library tells of its progress and learns that it should stop; called from several threads.
+/// The caller's hand on a long computation: it is told what is done and may ask to stop.
+///
+/// The unit `()` neither listens nor interrupts.
 pub trait Control: Sync {
-    /// `receivers` more are done.
-    fn advance(&self, receivers: u64);
-    /// Whether to stop: what is under way is finished, nothing new is begun.
+    /// A stage of `total` steps begins.
+    fn begin(&self, stage: &str, total: u64) {
+        let _ = (stage, total);
+    }
+
+    /// `steps` more steps of the stage are done. Called from any thread.
+    fn advance(&self, steps: u64);
+
+    /// Whether to stop. Work in hand is finished and kept; nothing new is begun.
     fn cancelled(&self) -> bool;
 }
 
-/// Goes on to the end and tells nobody.
-pub struct Unattended;
-
-impl Control for Unattended {
-    fn advance(&self, _receivers: u64) {}
+impl Control for () {
+    fn advance(&self, _: u64) {}
 
     fn cancelled(&self) -> bool {
         false

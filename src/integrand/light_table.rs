@@ -1,6 +1,96 @@
-use crate::scene::Environment;
+use glam::DVec3;
+
 use crate::visibility::{Interval, Isolines};
 
-/// Summed-area tables of an environment's light along u-isolines: of L, and of L times the linear harmonics.
+/// A small patch of the sphere from which light of one radiance comes.
+#[derive(Clone, Copy, Debug)]
+pub struct LightPatch {
+    /// Integral of w over the patch: its mean direction times its solid angle, nearly.
+    pub moment: DVec3,
+    /// Radiance per colour.
+    pub radiance: [f64; 3],
+}
+
+/// Summed-area tables of light times the linear harmonics along u-isolines: with them the vector irradiance of any
+/// visible interval is the difference of two entries.
+///
+/// Nine numbers a cell (three colours, three axes), summed along each quadrant of each isoline's slab, in f64: a look-up
+/// subtracts before anything is narrowed. Every patch of light is counted once and whole, so that the table's total is the
+/// environment's vector irradiance to rounding for any number of isolines; inside a cell light is taken to be even.
 #[derive(Clone, Debug)]
-pub struct LightTable;
+pub struct LightTable {
+    cells: usize,
+    sums: Vec<[f64; 9]>,
+}
+
+/// Largest memory of a table, bytes.
+const MEMORY: usize = 1 << 28;
+
+impl LightTable {
+    /// Sums up patches of light; they should be a few times smaller than the isolines' distance.
+    pub fn new(isolines: &Isolines, patches: impl Iterator<Item = LightPatch>) -> Self {
+        let lines = isolines.len();
+        let most = MEMORY / (lines * 4 * size_of::<[f64; 9]>());
+        let cells = (lines / 2).max(64).min(most.max(16));
+        let mut table = Self { cells, sums: vec![[0.0; 9]; lines * 4 * (cells + 1)] };
+        for LightPatch { moment: w, radiance } in patches {
+            let norm = w.x.abs() + w.y.abs() + w.z.abs();
+            let line = (((w.x / norm + 1.0) * 0.5 * lines as f64) as usize).min(lines - 1);
+            let fraction = w.y.abs() / (w.y.abs() + w.z.abs());
+            let (quadrant, fraction) = match (w.y >= 0.0, w.z >= 0.0) {
+                (true, true) => (0, fraction),
+                (true, false) => (1, 1.0 - fraction),
+                (false, false) => (2, fraction),
+                (false, true) => (3, 1.0 - fraction),
+            };
+            let cell = ((fraction * cells as f64) as usize).min(cells - 1);
+            let sum = &mut table.sums[(line * 4 + quadrant) * (cells + 1) + cell + 1];
+            for (colour, radiance) in radiance.into_iter().enumerate() {
+                for axis in 0..3 {
+                    sum[colour * 3 + axis] += radiance * w[axis];
+                }
+            }
+        }
+        for arc in table.sums.chunks_mut(cells + 1) {
+            let mut total = [0.0; 9];
+            for sum in arc {
+                for (total, sum) in total.iter_mut().zip(sum) {
+                    *total += *sum;
+                    *sum = *total;
+                }
+            }
+        }
+        table
+    }
+
+    /// The integral from the start of the quadrant to the fraction `to`, per unit of `sign`, added to `out`.
+    fn add(&self, arc: usize, to: f64, sign: f64, out: &mut [f64; 9]) {
+        let at = to * self.cells as f64;
+        let cell = (at as usize).min(self.cells - 1);
+        let part = at - cell as f64;
+        let arc = &self.sums[arc * (self.cells + 1)..][..self.cells + 1];
+        for (out, (low, high)) in out.iter_mut().zip(arc[cell].iter().zip(&arc[cell + 1])) {
+            *out += sign * (low + (high - low) * part);
+        }
+    }
+}
+
+/// What one receiver's visible intervals add up to.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LightMoments([f64; 9]);
+
+impl LightMoments {
+    /// Adds a visible interval.
+    pub fn add(&mut self, table: &LightTable, interval: Interval) {
+        let arc = interval.line * 4 + interval.quadrant;
+        let mut part = [0.0; 9];
+        table.add(arc, interval.to, 1.0, &mut part);
+        table.add(arc, interval.from, -1.0, &mut part);
+        self.0.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+    }
+
+    /// Vector irradiance of each colour: integral of L V w.
+    pub fn vectors(&self) -> [DVec3; 3] {
+        [0, 3, 6].map(|i| DVec3::from_slice(&self.0[i..i + 3]))
+    }
+}

@@ -14,9 +14,9 @@ pub fn ambient_occlusion(visibility: &[f64], normal: DVec3) -> f64 {
     visible_moment(visibility).dot(normal) / PI
 }
 
-/// Bent normal: unit mean of the visible directions; `fallback` where they cancel or there are none.
-pub fn bent_normal(visibility: &[f64], fallback: DVec3) -> DVec3 {
-    visible_moment(visibility).try_normalize().unwrap_or(fallback)
+/// Bent normal (Landis 2002): unit mean of the visible directions; zero where they cancel or there are none.
+pub fn bent_normal(visibility: &[f64]) -> DVec3 {
+    visible_moment(visibility).normalize_or_zero()
 }
 
 /// Transfer vector of a diffuse surface (Sloan et al. 2002): 1/pi integral of V (n.w) y to `order`, from the harmonics of

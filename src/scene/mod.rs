@@ -1,5 +1,6 @@
 //! What is looked at: geometry, environment light, camera, scene files.
 
+mod face_tree;
 mod geometry;
 mod load;
 mod mesh;
@@ -12,6 +13,7 @@ use std::path::Path;
 
 use glam::DAffine3;
 
+pub use face_tree::FaceTree;
 pub use geometry::{Cleaning, Geometry, GeometryBuilder, MAX_COORDINATE, Material, VertexFaces};
 pub use load::load_meshes;
 pub use mesh::Mesh;

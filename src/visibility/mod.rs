@@ -10,4 +10,4 @@ mod view;
 pub use contours::{Arc, ReceiverContours};
 pub use isolines::{Frame, Isolines};
 pub use sweep::{Interval, Sweep};
-pub use view::{Receiver, View, Viewer};
+pub use view::{Receiver, Sight, View, Viewer};
