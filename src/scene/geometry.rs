@@ -194,7 +194,7 @@ impl GeometryBuilder {
             )));
         }
         let placed: Vec<Vec3> = positions.iter().map(|&p| transform.transform_point3(p.as_dvec3()).as_vec3()).collect();
-        if let Some(i) = placed.iter().position(|p| !is_in_range(**is_in_range(**p)p)) {
+        if let Some(i) = placed.iter().position(|&p| !is_in_range(p)) {
             return Err(Error::input(format!("mesh `{name}`: vertex {i} {}", out_of_range(placed[i]))));
         }
 
