@@ -144,7 +144,8 @@ fn run<B: Baker>(
     started: Instant,
     control: &dyn Control,
 ) -> Result<Solution> {
-    let tiles = tiles(&receivers.positions, TILE_RADIUS * geometry.diagonal());
+    let diagonal = geometry.bounds().map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
+    let tiles = tiles(&receivers.positions, TILE_RADIUS * diagonal);
     let build_seconds = started.elapsed().as_secs_f64();
     let started = Instant::now();
     let finished: Vec<Option<(Vec<f64>, Counts)>> = tiles

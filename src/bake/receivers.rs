@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use crate::scene::Geometry;
+use crate::scene::{Geometry, VertexFaces};
 use crate::visibility::Receiver;
 
 /// The points a result is computed for, in the order of its rows.
@@ -10,10 +10,19 @@ pub struct Receivers {
     pub positions: Vec<DVec3>,
     /// Unit normals; empty for probes, which see all around.
     pub normals: Vec<DVec3>,
-    /// Faces each receiver leaves out, one list after another.
-    excluded: Vec<u32>,
-    /// Where each receiver's list starts, with an end mark; empty if no receiver leaves out anything.
-    starts: Vec<u32>,
+    own: OwnFaces,
+}
+
+/// The faces on which receivers lie.
+#[derive(Clone, Debug, Default)]
+enum OwnFaces {
+    /// They float.
+    #[default]
+    None,
+    /// One face for each.
+    One(Vec<u32>),
+    /// All faces around each vertex.
+    Incident(VertexFaces),
 }
 
 impl Receivers {
@@ -30,14 +39,8 @@ impl Receivers {
 
     /// Receivers that each lie on one face: the points of a picture, for instance.
     pub fn on_faces(points: impl IntoIterator<Item = (DVec3, DVec3, u32)>) -> Self {
-        let mut receivers = Self::default();
-        for (position, normal, face) in points {
-            receivers.positions.push(position);
-            receivers.normals.push(normal);
-            receivers.excluded.push(face);
-        }
-        receivers.starts = (0..=receivers.positions.len() as u32).collect();
-        receivers
+        let (positions, (normals, faces)) = points.into_iter().map(|(p, n, face)| (p, (n, face))).unzip();
+        Self { positions, normals, own: OwnFaces::One(faces) }
     }
 
     /// The vertices of a mesh with their angle-weighted normals; each leaves out its own incident faces.
@@ -57,9 +60,8 @@ impl Receivers {
                 })
             })
             .collect();
-        let (starts, excluded) = geometry.vertex_faces().into_parts();
         let positions = geometry.positions.iter().map(|p| p.as_dvec3()).collect();
-        (Self { positions, normals, excluded, starts }, undirected)
+        (Self { positions, normals, own: OwnFaces::Incident(geometry.vertex_faces()) }, undirected)
     }
 
     /// Number of receivers.
@@ -74,9 +76,10 @@ impl Receivers {
 
     /// One receiver.
     pub fn get(&self, index: usize) -> Receiver<'_> {
-        let excluded = match self.starts.get(index..index + 2) {
-            Some(&[start, end]) => &self.excluded[start as usize..end as usize],
-            _ => &[],
+        let excluded = match &self.own {
+            OwnFaces::None => &[],
+            OwnFaces::One(faces) => &faces[index..=index],
+            OwnFaces::Incident(faces) => faces.of(index as u32),
         };
         Receiver { position: self.positions[index], normal: self.normals.get(index).copied(), excluded }
     }

@@ -25,6 +25,9 @@ pub struct LineHarmonics {
     coefficients: Vec<(usize, usize)>,
 }
 
+/// Bands of the largest order and one more, for products with a cosine.
+const MOST_BANDS: usize = 11;
+
 /// The table of one |u|.
 #[derive(Clone, Debug)]
 struct Row {
@@ -93,7 +96,7 @@ impl LineHarmonics {
         let half = isolines.len() / 2;
         let width = 2.0 / isolines.len() as f64;
         // Slabs are narrow and what is integrated over them is analytic: the last bit for any number of isolines.
-        let nodes = if half < 32 { 20 } else { 8 };
+        let nodes = if half < 32 { 48 } else { 8 };
         let rule = sphere::gauss_legendre(nodes);
         let coefficients = (0..order.bands())
             .flat_map(|l| (-(l as isize)..=l as isize).map(move |m| (l, parity(l, m))))
@@ -210,7 +213,7 @@ impl LineMoments {
 
     /// Adds a visible interval.
     pub fn add(&mut self, table: &LineHarmonics, interval: Interval) {
-        const MOST: usize = 2 * Order::MAX.bands() + 1;
+        const MOST: usize = 2 * MOST_BANDS + 1;
         let half = table.rows.len();
         let (row, behind) = match interval.line.checked_sub(half) {
             Some(row) => (row, 0),
@@ -262,5 +265,107 @@ impl LineMoments {
             }
             block.fill(0.0);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sphere::gauss_legendre;
+
+    fn orders() -> impl Iterator<Item = Order> {
+        [1, 2, 4, 8, 10].into_iter().map(|bands| Order::new(bands).unwrap())
+    }
+
+    fn integrate(table: &LineHarmonics, intervals: impl IntoIterator<Item = Interval>) -> Vec<f64> {
+        let mut moments = LineMoments::new(table);
+        intervals.into_iter().for_each(|interval| moments.add(table, interval));
+        let mut out = vec![0.0; table.order().len()];
+        moments.finish(table, &mut out);
+        out
+    }
+
+    #[test]
+    fn the_whole_sphere_is_exact_for_any_number_of_isolines() {
+        for order in orders() {
+            for lines in [2, 6, 64] {
+                let isolines = Isolines::new(lines).unwrap();
+                let table = LineHarmonics::new(order, &isolines);
+                let all = (0..4 * lines).map(|i| Interval { line: i / 4, quadrant: i % 4, from: 0.0, to: 1.0 });
+                for (i, value) in integrate(&table, all).into_iter().enumerate() {
+                    let expected = if i == 0 { (4.0 * std::f64::consts::PI).sqrt() } else { 0.0 };
+                    assert!((value - expected).abs() < 1e-13, "{order:?} {lines} {i} {value}");
+                }
+            }
+        }
+    }
+
+    /// Quadrature of y along an interval with the octahedral map's density (u^2 + v^2 + (1-|u|-|v|)^2)^(-3/2).
+    fn quadrature(order: Order, isolines: &Isolines, interval: Interval) -> Vec<f64> {
+        let corners = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
+        let u = isolines.u(interval.line);
+        let m = 1.0 - u.abs();
+        let mut out = vec![0.0; order.len()];
+        let mut y = vec![0.0; order.len()];
+        for (x, weight) in gauss_legendre(40) {
+            let f = interval.from + (interval.to - interval.from) * 0.5 * (x + 1.0);
+            let p = DVec3::X * u + m * corners[interval.quadrant].lerp(corners[interval.quadrant + 1], f);
+            sphere::evaluate(order, p.normalize(), &mut y);
+            let weight = 0.5 * weight * (interval.to - interval.from) * m * p.length().powi(-3);
+            out.iter_mut().zip(&y).for_each(|(out, y)| *out += weight * y * 2.0 / isolines.len() as f64);
+        }
+        out
+    }
+
+    #[test]
+    fn intervals_agree_with_quadrature_up_to_the_slab_correction() {
+        // The correction is that of the midpoint rule in u: 2^-k lines shrink it by 4^-k, what is left by 16^-k.
+        let error = |lines: usize| {
+            let isolines = Isolines::new(lines).unwrap();
+            let order = Order::new(8).unwrap();
+            let table = LineHarmonics::new(order, &isolines);
+            let mut worst = 0.0f64;
+            for quadrant in 0..4 {
+                for (line, from, to) in [(lines / 8, 0.1, 0.4), (lines / 2, 0.0, 0.7), (lines - lines / 4, 0.55, 1.0)] {
+                    let interval = Interval { line, quadrant, from, to };
+                    let (a, b) = (integrate(&table, [interval]), quadrature(order, &isolines, interval));
+                    worst = a.iter().zip(&b).fold(worst, |w, (a, b)| w.max((a - b).abs()));
+                }
+            }
+            worst * lines as f64
+        };
+        let (coarse, fine) = (error(64), error(1024));
+        assert!(fine < 2e-5, "{fine}");
+        let slope = (coarse / fine).log2() / 4.0;
+        assert!((1.9..2.1).contains(&slope), "{slope}");
+    }
+
+    #[test]
+    fn intervals_add_up() {
+        let isolines = Isolines::new(10).unwrap();
+        let table = LineHarmonics::new(Order::new(6).unwrap(), &isolines);
+        for line in 0..10 {
+            for quadrant in 0..4 {
+                let part = |from, to| Interval { line, quadrant, from, to };
+                let whole = integrate(&table, [part(0.0, 1.0)]);
+                let parts = integrate(&table, [part(0.0, 0.3), part(0.8, 1.0), part(0.3, 0.8)]);
+                assert!(whole.iter().zip(&parts).all(|(a, b)| (a - b).abs() < 1e-15));
+            }
+        }
+    }
+
+    #[test]
+    fn one_receiver_leaves_nothing_behind_for_the_next() {
+        let isolines = Isolines::new(4).unwrap();
+        let table = LineHarmonics::new(Order::new(3).unwrap(), &isolines);
+        let mut moments = LineMoments::new(&table);
+        let interval = Interval { line: 3, quadrant: 1, from: 0.2, to: 0.9 };
+        let [mut first, mut second] = [vec![0.0; 9], vec![0.0; 9]];
+        moments.add(&table, interval);
+        moments.finish(&table, &mut first);
+        moments.add(&table, interval);
+        moments.finish(&table, &mut second);
+        assert_eq!(first, second);
+        assert_ne!(first, vec![0.0; 9]);
     }
 }
