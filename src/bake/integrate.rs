@@ -10,7 +10,7 @@ use super::{Control, Method, Receivers, Request};
 use crate::integrand::{self, LightMoments, LightPatch, LightTable, LineHarmonics, LineMoments};
 use crate::scene::{FaceTree, Geometry};
 use crate::sphere::{self, Order};
-use crate::visibility::{Isolines, Sight, View, Viewer};
+use crate::visibility::{Frame, Isolines, Sight, View, Viewer};
 use crate::{Error, Result};
 
 /// What was computed, receiver by receiver.
@@ -229,12 +229,13 @@ impl AlongIsolines<'_> {
             memory.moments = Some(LineMoments::new(table));
         }
         let IsolineMemory { view, moments, visibility } = memory;
+        let axis = Frame::facing(receiver.normal).axis();
         let sight = self.viewer.see(receiver, view, |interval| {
             if let (Some(table), Some(moments)) = (&self.harmonics, moments.as_mut()) {
                 moments.add(table, interval);
             }
             if let Some(table) = &self.light {
-                light.add(table, interval);
+                light.add(table, axis, interval);
             }
         });
         counts.contours += view.contours().arcs.len() as u64;
@@ -252,13 +253,13 @@ impl AlongIsolines<'_> {
             match sight {
                 Sight::Open => open_sky(table.order(), receiver.normal, visibility),
                 Sight::Enclosed => {}
-                Sight::Part(_) => moments.finish(table, visibility),
+                Sight::Part(_) => moments.finish(table, axis, visibility),
             }
             from_harmonics(self.order, &self.layout, visibility, receiver.normal, row);
         }
         if let Some(table) = &self.light {
             if sight == Sight::Open {
-                self.viewer.see_all(receiver.normal, |interval| light.add(table, interval));
+                self.viewer.see_all(receiver.normal, |interval| light.add(table, axis, interval));
             }
             from_light(&self.layout, light.vectors(), receiver.normal, row);
         }

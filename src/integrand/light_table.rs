@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use crate::visibility::{Interval, Isolines};
+use crate::visibility::{Interval, Isolines, cycle};
 
 /// A small patch of the sphere from which light of one radiance comes.
 #[derive(Clone, Copy, Debug)]
@@ -20,10 +20,11 @@ pub struct LightPatch {
 #[derive(Clone, Debug)]
 pub struct LightTable {
     cells: usize,
-    sums: Vec<[f64; 9]>,
+    /// One table for each axis along which isolines may follow one another.
+    axes: [Vec<[f64; 9]>; 3],
 }
 
-/// Largest memory of a table, bytes.
+/// Largest memory of a table for one axis, bytes.
 const MEMORY: usize = 1 << 28;
 
 impl LightTable {
@@ -32,26 +33,17 @@ impl LightTable {
         let lines = isolines.len();
         let most = MEMORY / (lines * 4 * size_of::<[f64; 9]>());
         let cells = (lines / 2).max(64).min(most.max(16));
-        let mut table = Self { cells, sums: vec![[0.0; 9]; lines * 4 * (cells + 1)] };
-        for LightPatch { moment: w, radiance } in patches {
-            let norm = w.x.abs() + w.y.abs() + w.z.abs();
-            let line = (((w.x / norm + 1.0) * 0.5 * lines as f64) as usize).min(lines - 1);
-            let fraction = w.y.abs() / (w.y.abs() + w.z.abs());
-            let (quadrant, fraction) = match (w.y >= 0.0, w.z >= 0.0) {
-                (true, true) => (0, fraction),
-                (true, false) => (1, 1.0 - fraction),
-                (false, false) => (2, fraction),
-                (false, true) => (3, 1.0 - fraction),
-            };
-            let cell = ((fraction * cells as f64) as usize).min(cells - 1);
-            let sum = &mut table.sums[(line * 4 + quadrant) * (cells + 1) + cell + 1];
-            for (colour, radiance) in radiance.into_iter().enumerate() {
-                for axis in 0..3 {
-                    sum[colour * 3 + axis] += radiance * w[axis];
-                }
+        let mut axes = [(); 3].map(|()| vec![[0.0; 9]; lines * 4 * (cells + 1)]);
+        for LightPatch { moment, radiance } in patches {
+            let added: [f64; 9] = std::array::from_fn(|i| radiance[i / 3] * moment[i % 3]);
+            for (axis, sums) in axes.iter_mut().enumerate() {
+                let (arc, fraction) = place(lines, cycle(moment, axis));
+                let cell = ((fraction * cells as f64) as usize).min(cells - 1);
+                let sum = &mut sums[arc * (cells + 1) + cell + 1];
+                sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
             }
         }
-        for arc in table.sums.chunks_mut(cells + 1) {
+        for arc in axes.iter_mut().flat_map(|sums| sums.chunks_mut(cells + 1)) {
             let mut total = [0.0; 9];
             for sum in arc {
                 for (total, sum) in total.iter_mut().zip(sum) {
@@ -60,19 +52,33 @@ impl LightTable {
                 }
             }
         }
-        table
+        Self { cells, axes }
     }
 
     /// The integral from the start of the quadrant to the fraction `to`, per unit of `sign`, added to `out`.
-    fn add(&self, arc: usize, to: f64, sign: f64, out: &mut [f64; 9]) {
+    fn add(&self, axis: usize, arc: usize, to: f64, sign: f64, out: &mut [f64; 9]) {
         let at = to * self.cells as f64;
         let cell = (at as usize).min(self.cells - 1);
         let part = at - cell as f64;
-        let arc = &self.sums[arc * (self.cells + 1)..][..self.cells + 1];
+        let arc = &self.axes[axis][arc * (self.cells + 1)..][..self.cells + 1];
         for (out, (low, high)) in out.iter_mut().zip(arc[cell].iter().zip(&arc[cell + 1])) {
             *out += sign * (low + (high - low) * part);
         }
     }
+}
+
+/// The arc (isoline and quadrant) whose slab holds a direction, and how far along it the direction lies.
+fn place(lines: usize, w: DVec3) -> (usize, f64) {
+    let norm = w.x.abs() + w.y.abs() + w.z.abs();
+    let line = (((w.x / norm + 1.0) * 0.5 * lines as f64) as usize).min(lines - 1);
+    let fraction = w.y.abs() / (w.y.abs() + w.z.abs());
+    let (quadrant, fraction) = match (w.y >= 0.0, w.z >= 0.0) {
+        (true, true) => (0, fraction),
+        (true, false) => (1, 1.0 - fraction),
+        (false, false) => (2, fraction),
+        (false, true) => (3, 1.0 - fraction),
+    };
+    (line * 4 + quadrant, fraction)
 }
 
 /// What one receiver's visible intervals add up to.
@@ -80,12 +86,12 @@ impl LightTable {
 pub struct LightMoments([f64; 9]);
 
 impl LightMoments {
-    /// Adds a visible interval.
-    pub fn add(&mut self, table: &LightTable, interval: Interval) {
+    /// Adds a visible interval of an isoline, which follow one another along the axis numbered `axis`.
+    pub fn add(&mut self, table: &LightTable, axis: usize, interval: Interval) {
         let arc = interval.line * 4 + interval.quadrant;
         let mut part = [0.0; 9];
-        table.add(arc, interval.to, 1.0, &mut part);
-        table.add(arc, interval.from, -1.0, &mut part);
+        table.add(axis, arc, interval.to, 1.0, &mut part);
+        table.add(axis, arc, interval.from, -1.0, &mut part);
         self.0.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
     }
 

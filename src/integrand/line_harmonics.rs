@@ -3,7 +3,7 @@ use std::f64::consts::SQRT_2;
 use glam::DVec3;
 
 use crate::sphere::{self, Order};
-use crate::visibility::{Interval, Isolines};
+use crate::visibility::{Interval, Isolines, cycle};
 
 /// Integrals of spherical harmonics over visible parts of u-isolines, in closed form.
 ///
@@ -20,8 +20,14 @@ use crate::visibility::{Interval, Isolines};
 #[derive(Clone, Debug)]
 pub struct LineHarmonics {
     order: Order,
+    /// One table for each axis along which isolines may follow one another.
+    axes: [Axis; 3],
+}
+
+#[derive(Clone, Debug)]
+struct Axis {
     rows: Vec<Row>,
-    /// `(band, parity class)` of every coefficient.
+    /// `(band, parity class)` of every coefficient; bits: odd along the chart's x, y, z.
     coefficients: Vec<(usize, usize)>,
 }
 
@@ -51,6 +57,13 @@ impl OctantArc {
     fn new(u: f64) -> Self {
         let m = 1.0 - u;
         Self { h: (u * u + 0.5 * m * m).sqrt(), length: m * SQRT_2 }
+    }
+
+    /// Antiderivatives where z = 0; where y = 0 they are mirrored.
+    fn end(self, order: Order) -> Vec<f64> {
+        let mut end = vec![0.0; terms(order)];
+        antiderivatives(order, self.angle(1.0), &mut end);
+        end
     }
 
     /// cos t and sin t at the fraction `f` = |y| / (|y| + |z|).
@@ -84,50 +97,17 @@ fn terms(order: Order) -> usize {
     2 * order.bands() + 1
 }
 
-/// Bits: odd in x, odd in y, odd in z.
-fn parity(l: usize, m: isize) -> usize {
+/// Bits: odd along the axis numbered `axis` and along the two that follow it.
+fn parity(l: usize, m: isize, axis: usize) -> usize {
     let odd = |n: isize| n.rem_euclid(2) == 1;
-    usize::from((m < 0) != odd(m)) | usize::from(m < 0) << 1 | usize::from(odd(l as isize + m)) << 2
+    let along = [(m < 0) != odd(m), m < 0, odd(l as isize + m)];
+    (0..3).fold(0, |bits, i| bits | usize::from(along[(axis + i) % 3]) << i)
 }
 
 impl LineHarmonics {
     /// Tables for all bands of `order` along these isolines.
     pub fn new(order: Order, isolines: &Isolines) -> Self {
-        let half = isolines.len() / 2;
-        let width = 2.0 / isolines.len() as f64;
-        // Slabs are narrow and what is integrated over them is analytic: the last bit for any number of isolines.
-        let nodes = if half < 32 { 48 } else { 8 };
-        let rule = sphere::gauss_legendre(nodes);
-        let coefficients = (0..order.bands())
-            .flat_map(|l| (-(l as isize)..=l as isize).map(move |m| (l, parity(l, m))))
-            .collect();
-        let mut table = Self { order, rows: Vec::with_capacity(half), coefficients };
-        for row in 0..half {
-            let u = isolines.u(half + row);
-            let arc = OctantArc::new(u);
-            let mut end = vec![0.0; terms(order)];
-            antiderivatives(order, arc.angle(1.0), &mut end);
-            let mut factors = table.factors(u);
-            factors.iter_mut().for_each(|f| *f *= width);
-            let mut whole = vec![0.0; order.len()];
-            for &(x, weight) in &rule {
-                let u = u + 0.5 * width * x;
-                let mut end = vec![0.0; terms(order)];
-                antiderivatives(order, OctantArc::new(u).angle(1.0), &mut end);
-                table.accumulate_octant(&table.factors(u), &end, 0.5 * width * weight, &mut whole);
-            }
-            let mut line = vec![0.0; order.len()];
-            table.accumulate_octant(&factors, &end, 1.0, &mut line);
-            // What the midpoint misses goes to the first antiderivative: it grows along the arc from end to end.
-            let mut at = 0;
-            for (i, &(l, _)) in table.coefficients.iter().enumerate() {
-                let first = if l % 2 == 0 { end[0] } else { end[odd_terms(order)] };
-                factors[at] += (whole[i] - line[i]) / (2.0 * first);
-                at += l + 2;
-            }
-            table.rows.push(Row { arc, end: end.into(), factors: factors.into() });
-        }
-        table
+        Self { order, axes: [0, 1, 2].map(|axis| Axis::new(order, isolines, axis)) }
     }
 
     /// The bands integrated.
@@ -135,52 +115,89 @@ impl LineHarmonics {
         self.order
     }
 
-    /// Factors per unit of u at `u` >= 0, by sampling the trigonometric polynomials and transforming.
-    fn factors(&self, u: f64) -> Vec<f64> {
-        let OctantArc { h, .. } = OctantArc::new(u);
-        let m = 1.0 - u;
-        let (e1, e2) = (DVec3::new(u, 0.5 * m, 0.5 * m) / h, DVec3::new(0.0, 1.0, -1.0) / SQRT_2);
-        let samples = terms(self.order) + 1;
-        let mut sampled = vec![0.0; samples * self.order.len()];
-        let angle = |s: usize| std::f64::consts::TAU * s as f64 / samples as f64;
-        for (s, values) in sampled.chunks_mut(self.order.len()).enumerate() {
-            let (sin, cos) = angle(s).sin_cos();
-            sphere::evaluate(self.order, e1 * cos + e2 * sin, values);
-            values.iter_mut().for_each(|v| *v *= cos / (SQRT_2 * h * h));
-        }
-        let mut factors = Vec::new();
-        for (i, &(l, _)) in self.coefficients.iter().enumerate() {
-            let transform = |wave: &dyn Fn(f64) -> f64| -> f64 {
-                (0..samples).map(|s| sampled[s * self.order.len() + i] * wave(angle(s))).sum::<f64>()
-                    * (2.0 / samples as f64)
-            };
-            if l % 2 == 1 {
-                factors.push(0.5 * transform(&|_| 1.0));
-            }
-            for k in (2 - (l + 1) % 2..=l + 1).step_by(2) {
-                factors.push(transform(&|t| (k as f64 * t).cos()));
-                factors.push(transform(&|t| (k as f64 * t).sin()));
-            }
-        }
-        factors
+    fn rows(&self) -> usize {
+        self.axes[0].rows.len()
     }
+}
 
-    /// Adds the integrals over a whole octant arc; `end` holds the antiderivatives at its end, the start mirrors it.
-    fn accumulate_octant(&self, factors: &[f64], end: &[f64], weight: f64, out: &mut [f64]) {
-        let mut arc = vec![0.0; end.len()];
-        whole_arc(self.order, end, &mut arc);
-        let mut at = 0;
-        for (&(l, _), out) in self.coefficients.iter().zip(out) {
-            *out += weight * dot(&factors[at..at + l + 2], self.group(&arc, l));
-            at += l + 2;
+impl Axis {
+    fn new(order: Order, isolines: &Isolines, axis: usize) -> Self {
+        let half = isolines.len() / 2;
+        let width = 2.0 / isolines.len() as f64;
+        // Slabs are narrow and what is integrated over them is analytic: the last bits for any number of isolines.
+        let nodes = if half < 32 { 48 } else { 8 };
+        let rule = sphere::gauss_legendre(nodes);
+        let coefficients: Vec<_> = (0..order.bands())
+            .flat_map(|l| (-(l as isize)..=l as isize).map(move |m| (l, parity(l, m, axis))))
+            .collect();
+        let whole = |factors: &[f64], end: &[f64]| -> Vec<f64> {
+            let mut arc = vec![0.0; end.len()];
+            whole_arc(order, end, &mut arc);
+            let own = coefficients.iter().scan(factors, |rest, &(l, _)| rest.split_off(..l + 2).map(|own| (l, own)));
+            own.map(|(l, own)| dot(own, group(order, &arc, l))).collect()
+        };
+        let rows = (0..half).map(|row| {
+            let u = isolines.u(half + row);
+            let arc = OctantArc::new(u);
+            let end = arc.end(order);
+            let mut factors = octant_factors(order, &coefficients, axis, u);
+            factors.iter_mut().for_each(|f| *f *= width);
+            let mut missed: Vec<f64> = whole(&factors, &end).iter().map(|line| -line).collect();
+            for &(x, weight) in &rule {
+                let u = u + 0.5 * width * x;
+                let slab = whole(&octant_factors(order, &coefficients, axis, u), &OctantArc::new(u).end(order));
+                missed.iter_mut().zip(slab).for_each(|(missed, slab)| *missed += 0.5 * width * weight * slab);
+            }
+            // What the midpoint misses goes to the first antiderivative: it grows along the arc from end to end.
+            let mut rest = &mut factors[..];
+            for (missed, &(l, _)) in missed.iter().zip(&coefficients) {
+                let (own, others) = rest.split_at_mut(l + 2);
+                own[0] += missed / (2.0 * group(order, &end, l)[0]);
+                rest = others;
+            }
+            Row { arc, end: end.into(), factors: factors.into() }
+        });
+        Self { rows: rows.collect(), coefficients }
+    }
+}
+
+/// Factors of every coefficient per unit of u, at `u` >= 0: the trigonometric polynomials, sampled and transformed.
+fn octant_factors(order: Order, coefficients: &[(usize, usize)], axis: usize, u: f64) -> Vec<f64> {
+    let OctantArc { h, .. } = OctantArc::new(u);
+    let m = 1.0 - u;
+    let (e1, e2) = (DVec3::new(u, 0.5 * m, 0.5 * m) / h, DVec3::new(0.0, 1.0, -1.0) / SQRT_2);
+    let samples = terms(order) + 1;
+    let mut sampled = vec![0.0; samples * order.len()];
+    let angle = |s: usize| std::f64::consts::TAU * s as f64 / samples as f64;
+    for (s, values) in sampled.chunks_mut(order.len()).enumerate() {
+        let (sin, cos) = angle(s).sin_cos();
+        sphere::evaluate(order, cycle(e1 * cos + e2 * sin, (3 - axis) % 3), values);
+        values.iter_mut().for_each(|v| *v *= cos / (SQRT_2 * h * h));
+    }
+    let waves: Vec<Vec<(f64, f64)>> =
+        (0..=order.bands()).map(|k| (0..samples).map(|s| (k as f64 * angle(s)).sin_cos()).collect()).collect();
+    let mut factors = Vec::new();
+    for (i, &(l, _)) in coefficients.iter().enumerate() {
+        for k in ((l + 1) % 2..=l + 1).step_by(2) {
+            let (mut sine, mut cosine) = (0.0, 0.0);
+            for (s, (sin, cos)) in waves[k].iter().enumerate() {
+                sine += sampled[s * order.len() + i] * sin;
+                cosine += sampled[s * order.len() + i] * cos;
+            }
+            let scale = 2.0 / samples as f64;
+            match k {
+                0 => factors.push(0.5 * scale * cosine),
+                _ => factors.extend([scale * cosine, scale * sine]),
+            }
         }
     }
+    factors
+}
 
-    /// The antiderivatives that band `l` needs.
-    fn group<'a>(&self, values: &'a [f64], l: usize) -> &'a [f64] {
-        let start = if l % 2 == 0 { 0 } else { odd_terms(self.order) };
-        &values[start..start + l + 2]
-    }
+/// The antiderivatives that band `l` needs.
+fn group(order: Order, values: &[f64], l: usize) -> &[f64] {
+    let start = if l % 2 == 0 { 0 } else { odd_terms(order) };
+    &values[start..start + l + 2]
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -207,14 +224,14 @@ pub struct LineMoments {
 impl LineMoments {
     /// Nothing seen yet.
     pub fn new(table: &LineHarmonics) -> Self {
-        let rows = table.rows.len();
+        let rows = table.rows();
         Self { sums: vec![0.0; rows * 8 * terms(table.order)], touched: vec![false; rows] }
     }
 
     /// Adds a visible interval.
     pub fn add(&mut self, table: &LineHarmonics, interval: Interval) {
         const MOST: usize = 2 * MOST_BANDS + 1;
-        let half = table.rows.len();
+        let half = table.rows();
         let (row, behind) = match interval.line.checked_sub(half) {
             Some(row) => (row, 0),
             None => (half - 1 - interval.line, 1),
@@ -225,7 +242,8 @@ impl LineMoments {
             _ => (1.0 - interval.to, 1.0 - interval.from),
         };
         let terms = terms(table.order);
-        let table_row = &table.rows[row];
+        // All axes have the same arcs.
+        let table_row = &table.axes[0].rows[row];
         self.touched[row] = true;
         let sums = &mut self.sums[(row * 8 + octant) * terms..][..terms];
         let mut buffer = [0.0; MOST];
@@ -241,8 +259,10 @@ impl LineMoments {
         }
     }
 
-    /// Adds the integrals of all harmonics to `out` (`order^2` values) and forgets the intervals.
-    pub fn finish(&mut self, table: &LineHarmonics, out: &mut [f64]) {
+    /// Adds the integrals of all harmonics to `out` (`order^2` values) and forgets the intervals, whose isolines follow
+    /// one another along the axis numbered `axis`.
+    pub fn finish(&mut self, table: &LineHarmonics, axis: usize, out: &mut [f64]) {
+        let Axis { rows, coefficients } = &table.axes[axis];
         let terms = terms(table.order);
         for (row, block) in self.sums.chunks_mut(8 * terms).enumerate() {
             if !std::mem::take(&mut self.touched[row]) {
@@ -257,10 +277,10 @@ impl LineMoments {
                     }
                 }
             }
-            let mut factors = &*table.rows[row].factors;
-            for (&(l, parity), out) in table.coefficients.iter().zip(&mut *out) {
+            let mut factors = &*rows[row].factors;
+            for (&(l, parity), out) in coefficients.iter().zip(&mut *out) {
                 let (own, rest) = factors.split_at(l + 2);
-                *out += dot(own, table.group(&block[parity * terms..][..terms], l));
+                *out += dot(own, group(table.order, &block[parity * terms..][..terms], l));
                 factors = rest;
             }
             block.fill(0.0);
@@ -277,11 +297,11 @@ mod tests {
         [1, 2, 4, 8, 10].into_iter().map(|bands| Order::new(bands).unwrap())
     }
 
-    fn integrate(table: &LineHarmonics, intervals: impl IntoIterator<Item = Interval>) -> Vec<f64> {
+    fn integrate(table: &LineHarmonics, axis: usize, intervals: impl IntoIterator<Item = Interval>) -> Vec<f64> {
         let mut moments = LineMoments::new(table);
         intervals.into_iter().for_each(|interval| moments.add(table, interval));
         let mut out = vec![0.0; table.order().len()];
-        moments.finish(table, &mut out);
+        moments.finish(table, axis, &mut out);
         out
     }
 
@@ -292,7 +312,7 @@ mod tests {
                 let isolines = Isolines::new(lines).unwrap();
                 let table = LineHarmonics::new(order, &isolines);
                 let all = (0..4 * lines).map(|i| Interval { line: i / 4, quadrant: i % 4, from: 0.0, to: 1.0 });
-                for (i, value) in integrate(&table, all).into_iter().enumerate() {
+                for (i, value) in integrate(&table, lines % 3, all).into_iter().enumerate() {
                     let expected = if i == 0 { (4.0 * std::f64::consts::PI).sqrt() } else { 0.0 };
                     assert!((value - expected).abs() < 1e-13, "{order:?} {lines} {i} {value}");
                 }
@@ -301,7 +321,7 @@ mod tests {
     }
 
     /// Quadrature of y along an interval with the octahedral map's density (u^2 + v^2 + (1-|u|-|v|)^2)^(-3/2).
-    fn quadrature(order: Order, isolines: &Isolines, interval: Interval) -> Vec<f64> {
+    fn quadrature(order: Order, isolines: &Isolines, axis: usize, interval: Interval) -> Vec<f64> {
         let corners = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
         let u = isolines.u(interval.line);
         let m = 1.0 - u.abs();
@@ -310,7 +330,7 @@ mod tests {
         for (x, weight) in gauss_legendre(40) {
             let f = interval.from + (interval.to - interval.from) * 0.5 * (x + 1.0);
             let p = DVec3::X * u + m * corners[interval.quadrant].lerp(corners[interval.quadrant + 1], f);
-            sphere::evaluate(order, p.normalize(), &mut y);
+            sphere::evaluate(order, cycle(p.normalize(), (3 - axis) % 3), &mut y);
             let weight = 0.5 * weight * (interval.to - interval.from) * m * p.length().powi(-3);
             out.iter_mut().zip(&y).for_each(|(out, y)| *out += weight * y * 2.0 / isolines.len() as f64);
         }
@@ -328,7 +348,7 @@ mod tests {
             for quadrant in 0..4 {
                 for (line, from, to) in [(lines / 8, 0.1, 0.4), (lines / 2, 0.0, 0.7), (lines - lines / 4, 0.55, 1.0)] {
                     let interval = Interval { line, quadrant, from, to };
-                    let (a, b) = (integrate(&table, [interval]), quadrature(order, &isolines, interval));
+                    let (a, b) = (integrate(&table, quadrant % 3, [interval]), quadrature(order, &isolines, quadrant % 3, interval));
                     worst = a.iter().zip(&b).fold(worst, |w, (a, b)| w.max((a - b).abs()));
                 }
             }
@@ -347,8 +367,8 @@ mod tests {
         for line in 0..10 {
             for quadrant in 0..4 {
                 let part = |from, to| Interval { line, quadrant, from, to };
-                let whole = integrate(&table, [part(0.0, 1.0)]);
-                let parts = integrate(&table, [part(0.0, 0.3), part(0.8, 1.0), part(0.3, 0.8)]);
+                let whole = integrate(&table, 1, [part(0.0, 1.0)]);
+                let parts = integrate(&table, 1, [part(0.0, 0.3), part(0.8, 1.0), part(0.3, 0.8)]);
                 assert!(whole.iter().zip(&parts).all(|(a, b)| (a - b).abs() < 1e-15));
             }
         }
@@ -362,9 +382,9 @@ mod tests {
         let interval = Interval { line: 3, quadrant: 1, from: 0.2, to: 0.9 };
         let [mut first, mut second] = [vec![0.0; 9], vec![0.0; 9]];
         moments.add(&table, interval);
-        moments.finish(&table, &mut first);
+        moments.finish(&table, 0, &mut first);
         moments.add(&table, interval);
-        moments.finish(&table, &mut second);
+        moments.finish(&table, 0, &mut second);
         assert_eq!(first, second);
         assert_ne!(first, vec![0.0; 9]);
     }

@@ -76,47 +76,76 @@ impl Isolines {
     }
 }
 
-/// A rotation of the octahedron by quarter turns about the x axis, exact in floating point.
+/// Which way the isolines lie for a receiver: a rotation of the octahedron onto itself, exact in floating point.
 ///
-/// The isolines map onto themselves; what changes is the corner that faces +z, from which both halves of every isoline
-/// are followed. Facing the normal, that corner (the *spine*, over all isolines) is the highest point of its isoline, so
-/// each half of an isoline meets the horizon once at most and what is invisible is its end.
+/// The chart's x axis, along which isolines follow one another, is one of the world's axes (the y and z axes follow
+/// cyclically); quarter turns about it then choose the corner that faces the chart's +z, from which both halves of every
+/// isoline are followed. Facing the normal, that corner (the *spine*, over all isolines) is the highest point of its
+/// isoline, so each half of an isoline meets the horizon once at most and what is invisible is its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame {
+    axis: u8,
     turns: u8,
 }
 
 impl Frame {
-    /// The frame for a receiver: its spine is where `normal . w` is largest on every isoline.
+    /// The frame for a receiver: its spine is where `normal . w` is largest on every isoline, and isolines follow one
+    /// another along the axis for which the horizon crosses them most steeply. Where it runs along them, all of it moves
+    /// from one side of a line to the other at once, at an error of first order; in the chart its slopes dr/df are
+    /// (|n_y| + |n_z|) / |n_x| and (|n_y| - |n_z|) / |n_x|.
     pub fn facing(normal: Option<DVec3>) -> Self {
-        let Some(n) = normal else { return Self { turns: 0 } };
+        let Some(n) = normal else { return Self { axis: 0, turns: 0 } };
+        let steepness = |axis: usize| {
+            let n = cycle(n, axis).abs();
+            (n.y - n.z).abs() / n.x
+        };
+        let axis = (1..3).fold(0, |best, axis| if steepness(axis) > steepness(best) { axis } else { best });
+        let n = cycle(n, axis);
         let turns = match (n.z.abs() >= n.y.abs(), n.z >= 0.0, n.y >= 0.0) {
             (true, true, _) => 0,
             (false, _, true) => 1,
             (true, false, _) => 2,
             (false, _, false) => 3,
         };
-        Self { turns }
+        Self { axis: axis as u8, turns }
+    }
+
+    /// The world's axis that is the chart's x axis: 0, 1 or 2.
+    pub fn axis(self) -> usize {
+        self.axis as usize
     }
 
     /// World to chart.
     pub fn apply(self, w: DVec3) -> DVec3 {
-        match self.turns {
-            0 => w,
-            1 => DVec3::new(w.x, -w.z, w.y),
-            2 => DVec3::new(w.x, -w.y, -w.z),
-            _ => DVec3::new(w.x, w.z, -w.y),
-        }
+        turn(cycle(w, self.axis()), self.turns)
     }
 
     /// Chart to world.
     pub fn invert(self, w: DVec3) -> DVec3 {
-        Self { turns: (4 - self.turns) % 4 }.apply(w)
+        cycle(turn(w, (4 - self.turns) % 4), (3 - self.axis()) % 3)
     }
 
-    /// The world's quadrant that the chart's quadrant `quadrant` is.
+    /// The quadrant, before the quarter turns, that the chart's quadrant `quadrant` is.
     pub fn quadrant(self, quadrant: usize) -> usize {
         (quadrant + self.turns as usize) % 4
+    }
+}
+
+/// The coordinates from the one numbered `axis` on, cyclically.
+pub(crate) fn cycle(w: DVec3, axis: usize) -> DVec3 {
+    match axis {
+        0 => w,
+        1 => DVec3::new(w.y, w.z, w.x),
+        _ => DVec3::new(w.z, w.x, w.y),
+    }
+}
+
+fn turn(w: DVec3, turns: u8) -> DVec3 {
+    match turns {
+        0 => w,
+        1 => DVec3::new(w.x, -w.z, w.y),
+        2 => DVec3::new(w.x, -w.y, -w.z),
+        _ => DVec3::new(w.x, w.z, -w.y),
     }
 }
 
@@ -152,28 +181,30 @@ mod tests {
 
     #[test]
     fn frames_turn_the_facing_corner_up() {
-        for (turns, &corner) in CORNERS.iter().enumerate() {
-            let frame = Frame::facing(Some(corner));
-            assert_eq!(frame, Frame { turns: turns as u8 });
-            assert_eq!(frame.apply(corner), DVec3::Z);
-            let w = DVec3::new(1.0, 2.0, 3.0);
-            assert_eq!(frame.invert(frame.apply(w)), w);
-            for q in 0..4 {
-                let next = |q: usize| (CORNERS[q], CORNERS[(q + 1) % 4]);
-                let (a, b) = next(q);
-                let (wa, wb) = next(frame.quadrant(q));
-                assert_eq!((frame.invert(a), frame.invert(b)), (wa, wb));
+        for axis in 0..3 {
+            for (turns, &corner) in CORNERS.iter().enumerate() {
+                let frame = Frame { axis, turns: turns as u8 };
+                let w = DVec3::new(1.0, 2.0, 3.0);
+                assert_eq!(frame.invert(frame.apply(w)), w);
+                assert_eq!(frame.apply(cycle(corner, (3 - axis as usize) % 3)), DVec3::Z);
+                for q in 0..4 {
+                    let ends = |q: usize| [CORNERS[q], CORNERS[(q + 1) % 4]];
+                    let world = ends(frame.quadrant(q)).map(|c| cycle(c, (3 - axis as usize) % 3));
+                    assert_eq!(ends(q).map(|c| frame.invert(c)), world);
+                }
             }
         }
     }
 
     #[test]
-    fn the_spine_is_the_highest_corner() {
+    fn the_spine_is_the_highest_corner_and_the_lines_cross_the_horizon_steeply() {
         for k in 0..1000 {
             let k = k as f64;
             let n = DVec3::new((k * 0.7).sin(), (k * 1.3).cos(), (k * 2.1).sin()).normalize();
             let turned = Frame::facing(Some(n)).apply(n);
             assert!(turned.z >= turned.y.abs());
+            let steepness = |n: DVec3| (n.z.abs() - n.y.abs()).abs() / n.x.abs();
+            assert!((0..3).all(|axis| steepness(turned) >= steepness(cycle(n, axis))));
         }
     }
 }

@@ -8,6 +8,7 @@ mod sweep;
 mod view;
 
 pub use contours::{Arc, ReceiverContours};
+pub(crate) use isolines::cycle;
 pub use isolines::{Frame, Isolines};
 pub use sweep::{Interval, Sweep};
 pub use view::{Receiver, Sight, View, Viewer};

@@ -8,7 +8,7 @@ use super::{Frame, Isolines};
 pub struct Interval {
     /// The isoline.
     pub line: usize,
-    /// Its quadrant, in world axes; see [`Isolines`].
+    /// Its quadrant in the axes of [`Frame::axis`]; see [`Isolines`].
     pub quadrant: usize,
     /// Fraction of the quadrant where the part starts, in [0, 1].
     pub from: f64,
@@ -116,7 +116,7 @@ fn horizon(n: DVec3, r: f64) -> Option<[f64; 2]> {
     }))
 }
 
-/// Reports the part [from, to] of a half, cut at the fold, in the world's quadrants.
+/// Reports the part [from, to] of a half, cut at the fold, in quadrants before the frame's turns.
 fn emit(frame: Frame, line: usize, half: usize, from: f64, to: f64, visible: &mut impl FnMut(Interval)) {
     for (leg, quadrant) in [[0, 1], [3, 2]][half].into_iter().enumerate() {
         let (from, to) = (from.max(leg as f64) - leg as f64, to.min(leg as f64 + 1.0) - leg as f64);
