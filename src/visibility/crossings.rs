@@ -91,9 +91,9 @@ pub(super) struct Crossings {
 const JUMP_BITS: u32 = 8;
 const JUMP_BIAS: i32 = 1 << (JUMP_BITS - 1);
 
-/// One crossing as sorted: position in the high bits, jump in the low ones.
+/// One crossing as sorted: position in the high bits, jump in the low ones. The sign of a negative zero would sort last.
 fn key(s: f64, jump: i32) -> u64 {
-    (s.to_bits() & !((1 << JUMP_BITS) - 1)) | (jump + JUMP_BIAS) as u64
+    (s.abs().to_bits() & !((1 << JUMP_BITS) - 1)) | (jump + JUMP_BIAS) as u64
 }
 
 /// Position and jump of a sorted crossing.

@@ -21,7 +21,8 @@ pub struct Interval {
 pub struct Sweep {
     /// Isolines of which some part lies above the horizon.
     pub lines: usize,
-    /// Halves of isolines on which W fell below zero, or (full sphere) whose two ends disagree: failed bookkeeping.
+    /// Halves of isolines on which W fell below zero, and isolines whose halves meet at the far corner with different W:
+    /// failed bookkeeping.
     pub depth_alarms: usize,
 }
 
@@ -56,7 +57,7 @@ pub(super) fn sweep(
             seen.depth_alarms += usize::from(lowest < 0);
             last[half] = w;
         }
-        seen.depth_alarms += usize::from(normal.is_none() && last[0] != last[1]);
+        seen.depth_alarms += usize::from(ends == [2.0; 2] && last[0] != last[1]);
     };
     let mut depth = base;
     follow(base_line, depth);
@@ -77,7 +78,8 @@ fn follow_half(keys: &[u64], end: f64, mut depth: i32, emit: &mut impl FnMut(f64
     let (mut from, mut lowest) = (0.0, 0);
     for &key in keys {
         let (s, jump) = crossing(key);
-        if s >= end {
+        // At the far corner itself crossings still count: the halves meet behind them.
+        if s >= end && end < 2.0 {
             break;
         }
         if depth == 0 && s > from {
@@ -99,17 +101,20 @@ fn follow_half(keys: &[u64], end: f64, mut depth: i32, emit: &mut impl FnMut(f64
 /// Where the two halves of an isoline with ratio `r` sink below the horizon of normal `n` (in the chart's frame, facing
 /// the spine); none if all of it lies below.
 fn horizon(n: DVec3, r: f64) -> Option<[f64; 2]> {
+    // What lies in the horizon to rounding counts as below it, a whole quadrant or a corner: contours there are clipped
+    // either way.
+    let level = 1e-12 * ((n.x * r).abs() + n.z);
     let spine = n.x * r + n.z;
-    if spine <= 0.0 {
+    if spine <= level {
         return None;
     }
     let far = n.x * r - n.z;
     Some([1.0, -1.0].map(|side| {
         let fold = n.x * r + n.y * side;
-        if fold < 0.0 {
-            spine / (spine - fold)
-        } else if far < 0.0 {
-            1.0 + fold / (fold - far)
+        if fold <= level {
+            spine / (spine - fold.min(0.0))
+        } else if far <= level {
+            (1.0 + fold / (fold - far.min(0.0))).min(2f64.next_down())
         } else {
             2.0
         }
@@ -129,7 +134,7 @@ fn emit(frame: Frame, line: usize, half: usize, from: f64, to: f64, visible: &mu
 }
 
 /// The isoline next to u = 0 whose spine is above the horizon: where W is counted.
-pub(super) fn base_line(isolines: &Isolines, normal: Option<DVec3>) -> usize {
+pub(super) fn base_line(isolines: &Isolines, frame: Frame, normal: Option<DVec3>) -> usize {
     let half = isolines.len() / 2;
-    if normal.is_some_and(|n| n.x < 0.0) { half - 1 } else { half }
+    if normal.is_some_and(|n| frame.apply(n).x < 0.0) { half - 1 } else { half }
 }

@@ -76,7 +76,7 @@ impl Viewer<'_> {
         view.projected.project(&view.candidates, &view.contours, position, normal);
 
         let frame = Frame::facing(normal);
-        let line = base_line(self.isolines, normal);
+        let line = base_line(self.isolines, frame, normal);
         let depth = count_on_spine(self.faces, self.isolines, frame, position, excluded, line);
         if view.projected.arcs.is_empty() {
             return if depth == 0 { Sight::Open } else { Sight::Enclosed };
@@ -91,6 +91,133 @@ impl Viewer<'_> {
         let mut nothing = Crossings::default();
         let frame = Frame::facing(normal);
         nothing.collect(self.isolines, frame, &ReceiverContours::default());
-        sweep(self.isolines, frame, &nothing, normal, (base_line(self.isolines, normal), 0), visible);
+        sweep(self.isolines, frame, &nothing, normal, (base_line(self.isolines, frame, normal), 0), visible);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use dual_bvh::BuildOptions;
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::visibility::cycle;
+
+    const CORNERS: [DVec3; 5] = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
+
+    /// Number of triangles that a ray crosses, and how close (relative to the lengths involved) it passes to an edge.
+    fn count(triangles: &[[DVec3; 3]], p: DVec3, w: DVec3) -> (usize, f64) {
+        let (mut count, mut closest) = (0, f64::INFINITY);
+        for triangle in triangles {
+            let [a, b, c] = triangle.map(|x| x - p);
+            let sides = [(a, b), (b, c), (c, a)].map(|(a, b)| a.cross(b).dot(w) / (a.length() * b.length()));
+            let facing = a.cross(b).dot(c);
+            count += usize::from(sides.iter().all(|&s| s * facing > 0.0));
+            closest = sides.iter().fold(closest, |closest, s| closest.min(s.abs()));
+        }
+        (count, closest)
+    }
+
+    /// Compares the intervals with counted rays at points of every isoline.
+    fn agrees_with_rays(triangles: &[[Vec3; 3]], p: DVec3, normal: Option<DVec3>) {
+        let positions: Vec<Vec3> = triangles.iter().flatten().copied().collect();
+        let mut welded: Vec<Vec3> = Vec::new();
+        let ids: Vec<u32> = positions
+            .iter()
+            .map(|x| {
+                let id = welded.iter().position(|y| x == y).unwrap_or_else(|| {
+                    welded.push(*x);
+                    welded.len() - 1
+                });
+                id as u32
+            })
+            .collect();
+        let faces: Vec<[u32; 3]> = ids.chunks(3).map(|f| [f[0], f[1], f[2]]).collect();
+        let (welded, faces): (Arc<[Vec3]>, Arc<[[u32; 3]]>) = (welded.into(), faces.into());
+        let edges = DualBvh::build(welded.clone(), faces.clone(), &BuildOptions::default()).unwrap();
+        let tree = FaceTree::new(welded, faces);
+        let isolines = Isolines::new(14).unwrap();
+        let viewer = Viewer { edges: &edges, faces: &tree, isolines: &isolines };
+        let receiver = Receiver { position: p, normal, excluded: &[] };
+        let mut view = View::default();
+        viewer.approach(std::iter::once(receiver), &mut view);
+        let mut intervals = Vec::new();
+        match viewer.see(receiver, &mut view, |interval| intervals.push(interval)) {
+            Sight::Open => viewer.see_all(normal, |interval| intervals.push(interval)),
+            Sight::Enclosed => {}
+            Sight::Part(sweep) => assert_eq!(sweep.depth_alarms, 0),
+        }
+        let triangles: Vec<_> = triangles.iter().map(|t| t.map(|x| x.as_dvec3())).collect();
+        let axis = Frame::facing(normal).axis();
+        for line in 0..isolines.len() {
+            let u = isolines.u(line);
+            for quadrant in 0..4 {
+                for step in 0..23 {
+                    let f = (step as f64 + 0.387) / 23.0;
+                    let ends = [CORNERS[quadrant], CORNERS[quadrant + 1]];
+                    let chart = DVec3::X * u + (1.0 - u.abs()) * ends[0].lerp(ends[1], f);
+                    let w = cycle(chart, (3 - axis) % 3).normalize();
+                    let height = normal.map_or(1.0, |n| n.dot(w));
+                    let (depth, closest) = count(&triangles, p, w);
+                    if closest < 1e-9 || height.abs() < 1e-9 {
+                        continue;
+                    }
+                    let seen = intervals
+                        .iter()
+                        .any(|i| (i.line, i.quadrant) == (line, quadrant) && i.from <= f && f <= i.to);
+                    assert_eq!(seen, depth == 0 && height > 0.0, "line {line} quadrant {quadrant} f {f} depth {depth}");
+                }
+            }
+        }
+    }
+
+    fn vertex(grid: i32) -> impl Strategy<Value = Vec3> {
+        (-grid..=grid, -grid..=grid, -grid..=grid).prop_map(move |(x, y, z)| Vec3::new(x as f32, y as f32, z as f32))
+    }
+
+    fn soup(grid: i32) -> impl Strategy<Value = Vec<[Vec3; 3]>> {
+        let triangle = [vertex(grid), vertex(grid), vertex(grid)]
+            .prop_filter("degenerate", |t| (t[1] - t[0]).cross(t[2] - t[0]) != Vec3::ZERO);
+        prop::collection::vec(triangle, 1..12)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        /// Everything coincides on a small grid: shared vertices and edges with any number of faces, vertices on isolines,
+        /// on the chart's axes and at its poles.
+        #[test]
+        fn grids_agree_with_rays(triangles in soup(2), n in vertex(2), offset in 0..3) {
+            let p = DVec3::new(0.31, 0.17, -0.23) * offset as f64;
+            // A receiver on a face or its vertices needs identities, which this soup does not have.
+            prop_assume!(triangles.iter().all(|t| {
+                let [a, b, c] = t.map(|x| x.as_dvec3());
+                (b - a).cross(c - a).dot(p - a) != 0.0
+            }));
+            agrees_with_rays(&triangles, p, n.as_dvec3().try_normalize());
+        }
+
+        #[test]
+        fn soups_agree_with_rays(triangles in soup(1000), n in vertex(1000)) {
+            agrees_with_rays(&triangles, DVec3::ZERO, n.as_dvec3().try_normalize());
+        }
+    }
+
+    #[test]
+    fn a_receiver_inside_a_box_sees_nothing_and_a_hole_in_it_is_found() {
+        let corner = |i: usize| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0;
+        let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+        let walls: Vec<[Vec3; 3]> =
+            sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(corner)).collect();
+        let p = DVec3::new(0.2, 0.1, 0.3);
+        for n in [DVec3::Z, DVec3::new(1.0, 2.0, 3.0).normalize()] {
+            agrees_with_rays(&walls, p, Some(n));
+            agrees_with_rays(&walls[1..], p, Some(n));
+        }
+        agrees_with_rays(&walls, p, None);
+        agrees_with_rays(&walls[..11], p, None);
     }
 }
