@@ -1,57 +1,79 @@
 //! Contour edges of a triangle mesh from any point.
-#![allow(missing_docs)]
-use glam::{DVec3, Vec3};
-use std::collections::BTreeMap;
+
+mod brute;
+mod build;
+mod candidates;
+mod contours;
+mod dual;
+mod edge;
+mod error;
+mod face;
+mod node;
+mod numbering;
+mod query;
+mod tile;
+
 use std::sync::Arc;
-/// Why a tree could not be built.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {}
-#[derive(Default)]
-pub struct BuildOptions {}
-pub struct DualBvh { p: Arc<[Vec3]>, t: Arc<[[u32; 3]]> }
-pub fn face_sign(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> i8 {
-    if (b - a).cross(c - a).dot(p - a) >= 0.0 { 1 } else { -1 }
+
+use glam::Vec3;
+
+pub use crate::brute::brute_force;
+pub use crate::build::BuildOptions;
+pub use crate::candidates::{CandidateEdge, Candidates};
+pub use crate::contours::{Contour, Contours};
+pub use crate::edge::Incidence;
+pub use crate::error::Error;
+pub use crate::face::{face_normal, face_sign};
+pub use crate::tile::Tile;
+
+/// A bounding volume hierarchy over the edges of a triangle mesh and the planes of their faces.
+#[derive(Clone, Debug)]
+pub struct DualBvh {
+    positions: Arc<[Vec3]>,
+    triangles: Arc<[[u32; 3]]>,
+    /// Those of the balanced tree, then those of the unbalanced one.
+    edges: edge::Edges,
+    /// Edges with an even number of faces: no contours where all flipped planes have the same sign.
+    balanced: node::Tree,
+    /// Edges with an odd number of faces: contours for every receiver.
+    unbalanced: node::Tree,
 }
-#[derive(Default)]
-pub struct Tile;
-impl Tile {
-    pub fn new(_: impl Iterator<Item = (DVec3, Option<DVec3>)>) -> Self { Tile }
-    pub fn with_faces(self, _: impl Iterator<Item = u32>) -> Self { Tile }
-}
-pub struct CandidateEdge { pub a: u32, pub b: u32, f: Vec<(u32, i8)> }
-#[derive(Default)]
-pub struct Candidates { pub positions: Vec<DVec3>, pub edges: Vec<CandidateEdge>, t: Vec<[u32; 3]> }
-pub struct Contour { pub edge: u32, pub jump: i32 }
-#[derive(Default)]
-pub struct Contours { pub edges: Vec<Contour> }
+
 impl DualBvh {
-    pub fn build(p: Arc<[Vec3]>, t: Arc<[[u32; 3]]>, _: &BuildOptions) -> Result<Self, Error> { Ok(Self { p, t }) }
-    pub fn search(&self, _: &Tile, out: &mut Candidates) {
-        if !out.edges.is_empty() { return; }
-        out.positions = self.p.iter().map(|p| p.as_dvec3()).collect();
-        out.t = self.t.to_vec();
-        let mut m: BTreeMap<(u32, u32), Vec<(u32, i8)>> = BTreeMap::new();
-        for (f, t) in self.t.iter().enumerate() {
-            for k in 0..3 {
-                let (a, b) = (t[k], t[(k + 1) % 3]);
-                m.entry((a.min(b), a.max(b))).or_default().push((f as u32, if a < b { 1 } else { -1 }));
-            }
-        }
-        out.edges = m.into_iter().map(|((a, b), f)| CandidateEdge { a, b, f }).collect();
+    /// Vertices.
+    pub fn positions(&self) -> &Arc<[Vec3]> {
+        &self.positions
     }
-}
-impl Candidates {
-    pub fn contours(&self, p: DVec3, ex: &[u32], out: &mut Contours) {
-        out.edges.clear();
-        let s: Vec<i32> = self.t.iter().enumerate().map(|(i, t)| {
-            if ex.contains(&(i as u32)) { 0 } else {
-                let [a, b, c] = t.map(|v| self.positions[v as usize]);
-                face_sign(p, a, b, c) as i32 }
-        }).collect();
-        for (i, e) in self.edges.iter().enumerate() {
-            let jump = e.f.iter().map(|&(f, o)| o as i32 * s[f as usize]).sum();
-            if jump != 0 { out.edges.push(Contour { edge: i as u32, jump }) }
-        }
+
+    /// Corners of the faces.
+    pub fn triangles(&self) -> &Arc<[[u32; 3]]> {
+        &self.triangles
+    }
+
+    /// Number of edges.
+    pub fn edge_count(&self) -> usize {
+        self.edges.records.len()
+    }
+
+    /// Vertices of an edge, the smaller number first.
+    ///
+    /// Panics if there is no such edge.
+    pub fn edge_vertices(&self, edge: u32) -> [u32; 2] {
+        self.edges.records[edge as usize].vertices()
+    }
+
+    /// Faces of an edge.
+    ///
+    /// Panics if there is no such edge.
+    pub fn edge_faces(&self, edge: u32) -> impl ExactSizeIterator<Item = Incidence> {
+        let uses = self.edges.incidences(edge);
+        (0..uses.len()).map(move |i| uses[i])
+    }
+
+    /// Edges of a face: from its first corner to the second, from there to the third, and back.
+    ///
+    /// Panics if there is no such face.
+    pub fn face_edges(&self, face: u32) -> [u32; 3] {
+        self.edges.of_faces[face as usize]
     }
 }

@@ -40,8 +40,8 @@ impl FaceTree {
     }
 
     /// Corners of a face, as loaded.
-    pub fn corners(&self, face: u32) -> [DVec3; 3] {
-        self.triangles[face as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
+    pub fn corners(&self, face: u32) -> [Vec3; 3] {
+        self.triangles[face as usize].map(|vertex| self.positions[vertex as usize])
     }
 
     /// Vertex indices of a face.

@@ -37,8 +37,9 @@ pub(super) fn count_on_spine(
 /// face whose plane holds the receiver to rounding, as its contours have it).
 fn covers(faces: &FaceTree, isolines: &Isolines, frame: Frame, position: DVec3, face: u32, line: u32) -> i32 {
     let vertices = faces.vertices(face);
-    let corners = faces.corners(face);
-    let sign = face_sign(position, corners[0], corners[1], corners[2]);
+    let [a, b, c] = faces.corners(face);
+    let sign = face_sign(position, a, b, c);
+    let corners = [a, b, c].map(|x| x.as_dvec3());
     let directions = corners.map(|x| x - position);
     let places = directions.map(|d| Place::of(frame.apply(d), isolines));
     let (mut here, mut total) = (0, 0);
@@ -47,7 +48,7 @@ fn covers(faces: &FaceTree, isolines: &Isolines, frame: Frame, position: DVec3, 
         let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
         let plane = frame.apply(arc_plane(directions[a], corners[a], corners[b]));
         if let Some(Passage::Spine(below)) = passage(places[a], places[b], plane, isolines) {
-            let jump = spine_jump(orientation * sign as i32, places[b]);
+            let jump = spine_jump(orientation * i32::from(sign), places[b]);
             total += jump;
             here += if below <= line { jump } else { 0 };
         }

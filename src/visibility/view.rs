@@ -43,6 +43,7 @@ pub enum Sight {
 /// Working memory for one thread: reused, so that nothing is allocated from one receiver to the next.
 #[derive(Default)]
 pub struct View {
+    excluded: Vec<u32>,
     candidates: Candidates,
     contours: Contours,
     projected: ReceiverContours,
@@ -64,8 +65,9 @@ impl View {
 impl Viewer<'_> {
     /// Searches the edges that may be contours for any of the `receivers`, neighbours of each other.
     pub fn approach<'r>(&self, receivers: impl Iterator<Item = Receiver<'r>> + Clone, view: &mut View) {
-        let excluded = receivers.clone().flat_map(|r| r.excluded.iter().copied());
-        let tile = Tile::new(receivers.clone().map(|r| (r.position, r.normal))).with_faces(excluded);
+        view.excluded.clear();
+        view.excluded.extend(receivers.clone().flat_map(|r| r.excluded));
+        let tile = Tile::new(receivers.map(|r| (r.position, r.normal))).with_faces(&view.excluded);
         self.edges.search(&tile, &mut view.candidates);
     }
 
@@ -185,17 +187,17 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(300))]
+        #![proptest_config(ProptestConfig { cases: 300, max_global_rejects: 1 << 20, ..ProptestConfig::default() })]
 
         /// Everything coincides on a small grid: shared vertices and edges with any number of faces, vertices on isolines,
         /// on the chart's axes and at its poles.
         #[test]
         fn grids_agree_with_rays(triangles in soup(2), n in vertex(2), offset in 0..3) {
             let p = DVec3::new(0.31, 0.17, -0.23) * offset as f64;
-            // A receiver on a face or its vertices needs identities, which this soup does not have.
+            // A receiver on a face, to rounding, needs identities, which this soup does not have.
             prop_assume!(triangles.iter().all(|t| {
                 let [a, b, c] = t.map(|x| x.as_dvec3());
-                (b - a).cross(c - a).dot(p - a) != 0.0
+                (b - a).cross(c - a).dot(p - a).abs() > 1e-9
             }));
             agrees_with_rays(&triangles, p, n.as_dvec3().try_normalize());
         }

@@ -1,0 +1,200 @@
+//! From triangles to the tree.
+
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::dual::Dual;
+use crate::edge::Edges;
+use crate::node::{Bounds, FAN, Leaf, Node, Tree, WIDTH};
+use crate::{DualBvh, Error};
+
+/// How a tree is built. Results do not depend on it, only the time of a search does.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct BuildOptions {
+    /// Length that a difference of unit normals counts for beside differences of positions, in units of the diagonal of the
+    /// mesh's bounding box. Larger values group edges of similar planes, smaller ones edges that are near one another. Raise it
+    /// for smooth surfaces, lower it if receivers see little of the mesh above their horizons.
+    pub normal_weight: f32,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self { normal_weight: 0.25 }
+    }
+}
+
+/// Most vertices and faces in one tree: their numbers carry a flag in the top bit, and three sides a face are counted.
+const LIMIT: usize = 1 << 30;
+
+/// Parts below this number of edges are not worth a task of their own.
+const GRAIN: usize = 4096;
+
+impl DualBvh {
+    /// Builds the tree over the edges of `triangles`, which index `positions`.
+    ///
+    /// Edges may have any number of faces, wound in any way; faces may have no area. Equal positions are not merged: an edge is a
+    /// pair of indices. Runs in parallel on the current rayon pool, with the same result for any number of threads.
+    ///
+    /// # Errors
+    ///
+    /// A corner out of range, a corner that is not finite, or a vertex at two corners of a face: the message names the first such
+    /// face. Also more than 2^30 vertices or faces, or an option out of its domain.
+    pub fn build(positions: Arc<[Vec3]>, triangles: Arc<[[u32; 3]]>, options: &BuildOptions) -> Result<DualBvh, Error> {
+        validate(&positions, &triangles, options)?;
+        let mut edges = Edges::collect(positions.len(), &triangles);
+        let balanced = {
+            let dual = Dual::new(&positions, &triangles, &edges);
+            let numbers = 0..edges.records.len() as u32;
+            let (mut even, mut odd) = numbers.partition::<Vec<u32>, _>(|&edge| edges.incidences(edge).len() % 2 == 0);
+            arrange(&mut even, &dual, options.normal_weight);
+            arrange(&mut odd, &dual, 0.0);
+            let balanced = even.len();
+            even.append(&mut odd);
+            drop(dual);
+            edges.reorder(&even, &triangles);
+            balanced
+        };
+        let dual = Dual::new(&positions, &triangles, &edges);
+        let unbalanced = edges.records.len() - balanced;
+        let pairs = tree(&dual, &edges, 0, balanced, true);
+        let rest = tree(&dual, &edges, balanced as u32, unbalanced, false);
+        drop(dual);
+        Ok(DualBvh { positions, triangles, edges, balanced: pairs, unbalanced: rest })
+    }
+}
+
+fn validate(positions: &[Vec3], triangles: &[[u32; 3]], options: &BuildOptions) -> Result<(), Error> {
+    for (what, count) in [("vertices", positions.len()), ("faces", triangles.len())] {
+        if count > LIMIT {
+            return Err(Error::Size { what, count, limit: LIMIT });
+        }
+    }
+    let weight = options.normal_weight;
+    if !(weight.is_finite() && weight >= 0.0) {
+        let value = weight.to_string();
+        return Err(Error::Option { name: "normal_weight", value, domain: "a finite number, not negative" });
+    }
+    for (face, &corners) in triangles.iter().enumerate() {
+        for vertex in corners {
+            match positions.get(vertex as usize) {
+                None => return Err(Error::Index { face, vertex, vertices: positions.len() }),
+                Some(p) if !p.is_finite() => return Err(Error::Position { face, vertex }),
+                Some(_) => {}
+            }
+        }
+        let [a, b, c] = corners;
+        if let Some(vertex) = [(a, b), (b, c), (c, a)].into_iter().find_map(|(u, v)| (u == v).then_some(u)) {
+            return Err(Error::Corner { face, vertex });
+        }
+    }
+    Ok(())
+}
+
+/// An edge as a point in space: middle, and weighted mean normal.
+#[derive(Clone, Copy)]
+struct Item {
+    key: [f32; 6],
+    edge: u32,
+}
+
+/// Orders edges for a [`Tree`], so that neighbours in the order are neighbours in position and normal.
+fn arrange(edges: &mut [u32], dual: &Dual<'_>, normal_weight: f32) {
+    let (low, high) = edges
+        .iter()
+        .flat_map(|&edge| dual.vertices(edge))
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let size = (high - low).length();
+    let scale = if size > 0.0 { size.recip() } else { 0.0 };
+    let item = |&edge: &u32| {
+        let [a, b] = dual.vertices(edge);
+        let middle = scale * (0.5 * (a - low) + 0.5 * (b - low));
+        let (sum, count) = dual.planes(edge).fold((DVec3::ZERO, 0.0), |(sum, n), plane| (sum + plane.normal, n + 1.0));
+        let normal = sum * (f64::from(normal_weight) / count);
+        let [x, y, z] = middle.to_array().map(|x| x as f32);
+        let [u, v, w] = normal.to_array().map(|x| x as f32);
+        Item { key: [x, y, z, u, v, w], edge }
+    };
+    let mut items: Vec<Item> = edges.par_iter().map(item).collect();
+    let height = Tree::shape(items.len()).len();
+    if height > 0 {
+        split(&mut items, Tree::capacity(height - 1));
+    }
+    edges.iter_mut().zip(items).for_each(|(edge, item)| *edge = item.edge);
+}
+
+/// Orders `items`, which lie below one node, whose children hold `capacity` edges each: halves along the longest axis, each a
+/// whole number of children, down to the leaves.
+fn split(items: &mut [Item], mut capacity: usize) {
+    if items.len() <= WIDTH {
+        items.sort_unstable_by_key(|item| item.edge);
+        return;
+    }
+    while capacity >= items.len() {
+        capacity /= WIDTH;
+    }
+    let (mut low, mut high) = ([f32::INFINITY; 6], [f32::NEG_INFINITY; 6]);
+    for item in &*items {
+        for (axis, &x) in item.key.iter().enumerate() {
+            low[axis] = low[axis].min(x);
+            high[axis] = high[axis].max(x);
+        }
+    }
+    let longest = |i: &usize, j: &usize| (high[*i] - low[*i]).total_cmp(&(high[*j] - low[*j])).then(j.cmp(i));
+    let axis = (0..6).max_by(longest).unwrap_or_default();
+    let along = |x: &Item, y: &Item| -> Ordering { x.key[axis].total_cmp(&y.key[axis]).then(x.edge.cmp(&y.edge)) };
+
+    let left = items.len().div_ceil(capacity).div_ceil(2) * capacity;
+    items.select_nth_unstable_by(left, along);
+    let (left, right) = items.split_at_mut(left);
+    if left.len() + right.len() < GRAIN {
+        split(left, capacity);
+        split(right, capacity);
+    } else {
+        rayon::join(|| split(left, capacity), || split(right, capacity));
+    }
+}
+
+/// The tree over the `count` edges from `first` on, in their order.
+fn tree(dual: &Dual<'_>, edges: &Edges, first: u32, count: usize, balanced: bool) -> Tree {
+    let mut tree = Tree { edges: count, ..Tree::default() };
+    for (height, nodes) in Tree::shape(count).into_iter().enumerate() {
+        let level: Vec<Node> = (0..nodes)
+            .into_par_iter()
+            .map(|index| {
+                let mut node = Node::EMPTY;
+                for lane in 0..WIDTH {
+                    let below = tree.edges_below(height, WIDTH * index + lane);
+                    if !below.is_empty() {
+                        let below = first + below.start as u32..first + below.end as u32;
+                        let points = below.clone().flat_map(|edge| dual.vertices(edge));
+                        let planes = below.flat_map(|edge| dual.planes(edge));
+                        node.set(lane, &Bounds::new(points, balanced.then_some(planes)));
+                    }
+                }
+                node
+            })
+            .collect();
+        tree.levels.push(level);
+    }
+    if balanced && let Some(parents) = tree.levels.first() {
+        let leaf = |index: usize| {
+            let bounds = parents[index / WIDTH].get(index % WIDTH);
+            let mut leaf = Leaf::EMPTY;
+            for (lane, edge) in tree.edges_below(0, index).enumerate() {
+                let edge = first + edge as u32;
+                if edges.incidences(edge).len() > 2 {
+                    leaf.planes[0][3][lane] = FAN;
+                } else {
+                    dual.planes(edge).enumerate().for_each(|(which, plane)| leaf.set(which, lane, &plane, &bounds));
+                }
+            }
+            leaf
+        };
+        tree.leaves = (0..count.div_ceil(WIDTH)).into_par_iter().map(leaf).collect();
+    }
+    tree
+}

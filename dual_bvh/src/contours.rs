@@ -1,0 +1,31 @@
+/// A contour edge of one receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Contour {
+    /// The edge, an index into [`crate::Candidates::edges`].
+    pub edge: u32,
+    /// Sum of orientation times sign over the faces of the edge, not zero: the change of the number of surfaces that a ray from
+    /// the receiver crosses, as the ray passes the edge a -> b from its left, where (a x b) . w > 0 for the ray's direction w and
+    /// the ends relative to the receiver, to its right.
+    pub jump: i32,
+}
+
+/// The contours of one receiver, see [`crate::Candidates::contours`]. Keep it and use it again: its memory is reused.
+#[derive(Clone, Debug, Default)]
+pub struct Contours {
+    pub(crate) signs: Vec<i8>,
+    /// Longer than the contours: written before it is known whether an edge is one.
+    pub(crate) buffer: Vec<Contour>,
+    pub(crate) len: usize,
+}
+
+impl Contours {
+    /// The side of each of the candidates' faces on which the receiver lies, by local number: 1 or -1, 0 for an excluded face.
+    pub fn signs(&self) -> &[i8] {
+        &self.signs
+    }
+
+    /// The contours, in the order of the candidates.
+    pub fn edges(&self) -> &[Contour] {
+        &self.buffer[..self.len]
+    }
+}

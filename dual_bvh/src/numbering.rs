@@ -1,0 +1,59 @@
+/// Local numbers 0, 1, 2 .. for those of many things that a search meets: a sparse set (Briggs and Torczon, 1993).
+///
+/// The map from global to local numbers is never cleared: an entry counts only if the thing of that local number is the one asked
+/// for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Numbering {
+    globals: Vec<u32>,
+    locals: Vec<u32>,
+}
+
+impl Numbering {
+    /// Forgets all local numbers, and makes room for global ones below `count`.
+    pub(crate) fn clear(&mut self, count: usize) {
+        self.globals.clear();
+        if self.locals.len() < count {
+            self.locals.resize(count, 0);
+        }
+    }
+
+    /// Local number of `global`, the next free one if it has none yet.
+    #[inline(always)]
+    pub(crate) fn insert(&mut self, global: u32) -> u32 {
+        let local = &mut self.locals[global as usize];
+        if self.globals.get(*local as usize) != Some(&global) {
+            *local = self.globals.len() as u32;
+            self.globals.push(global);
+        }
+        *local
+    }
+
+    /// Local number of `global`, if it has one.
+    #[inline(always)]
+    pub(crate) fn get(&self, global: u32) -> Option<u32> {
+        let &local = self.locals.get(global as usize)?;
+        (self.globals.get(local as usize) == Some(&global)).then_some(local)
+    }
+
+    /// Global numbers in the order of the local ones.
+    pub(crate) fn globals(&self) -> &[u32] {
+        &self.globals
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_given_in_order_and_forgotten_when_cleared() {
+        let mut numbering = Numbering::default();
+        numbering.clear(10);
+        assert_eq!([7, 3, 7, 9, 3].map(|global| numbering.insert(global)), [0, 1, 0, 2, 1]);
+        assert_eq!(numbering.globals(), [7, 3, 9]);
+        numbering.clear(10);
+        assert_eq!((numbering.get(7), numbering.get(99)), (None, None));
+        assert_eq!(numbering.insert(3), 0);
+        assert_eq!((numbering.get(3), numbering.get(7)), (Some(0), None));
+    }
+}

@@ -1,0 +1,401 @@
+//! The search: from a tile of receivers to the edges that may be contours for some of them.
+
+use glam::DVec3;
+
+use crate::candidates::{CandidateEdge, Candidates};
+use crate::edge::Incidence;
+use crate::face::{face_normal, plane_value};
+use crate::node::{FAN, Lanes, Leaf, Node, SLACK, STEPS, Tree, WIDTH, up};
+use crate::{DualBvh, Tile};
+
+/// Working memory of a search.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scratch {
+    nodes: Vec<u32>,
+    children: Vec<u32>,
+    leaves: Vec<LeafHit>,
+    hits: Vec<u32>,
+    /// Found edges other than those with two faces in opposite directions.
+    irregular: Vec<u32>,
+    /// One bit an edge: set for edges of excluded faces, which are found without the tree.
+    excluded: Vec<u8>,
+}
+
+/// A leaf whose bounds hold a contour, and what its edges' fractions are multiplied with.
+#[derive(Clone, Copy, Debug)]
+struct LeafHit {
+    leaf: u32,
+    base: f32,
+    factors: [f32; 4],
+    margin: f32,
+}
+
+/// A tile in single precision.
+struct Query {
+    /// The centre as the sum of two singles.
+    high: [f32; 3],
+    low: [f32; 3],
+    /// Distance from the centre that the planes' values must exceed to be certain.
+    margin: f32,
+    horizon: Option<Horizon>,
+}
+
+struct Horizon {
+    normal: [f32; 3],
+    half: [f32; 3],
+    /// Bound of the normals' absolute components.
+    size: [f32; 3],
+    margin: f32,
+}
+
+impl Query {
+    fn new(tile: &Tile<'_>) -> Self {
+        let high = tile.center.to_array().map(|x| x as f32);
+        let low = (tile.center - DVec3::from_array(high.map(f64::from))).to_array().map(|x| x as f32);
+        // What two singles leave of the centre, and what underflows.
+        let rest = tile.center.abs().element_sum() / (1u64 << 48) as f64 + 64.0 * f64::from(f32::MIN_POSITIVE);
+        let distance = (tile.radius + rest) * (1.0 + SLACK);
+        let horizon = tile.horizon.map(|(low, high)| {
+            let normal = (0.5 * (low + high)).to_array().map(|x| x as f32);
+            let middle = DVec3::from_array(normal.map(f64::from));
+            let half = (high - middle).max(middle - low);
+            let size = middle.abs() + half;
+            let slack = SLACK * size.element_sum();
+            Horizon {
+                normal,
+                half: half.to_array().map(|x| up(x * (1.0 + SLACK) + slack)),
+                size: size.to_array().map(|x| up(x * (1.0 + SLACK))),
+                margin: up(distance * size.length() * (1.0 + SLACK) + f64::from(f32::MIN_POSITIVE)),
+            }
+        });
+        Self { high, low, margin: up(distance), horizon }
+    }
+}
+
+/// What the test of a node found: its children that may hold contours, and for those the terms their leaves go on with.
+struct NodeTest {
+    kept: u32,
+    /// The receiver relative to the children's centres.
+    q: [Lanes; 3],
+    /// Plane values in the middle of the bounds.
+    middle: Lanes,
+    /// Half widths of the plane values, without the tile's margin.
+    spread: Lanes,
+}
+
+impl NodeTest {
+    /// A child is dropped if all its planes have the same sign from anywhere in the tile, |n . q + d| > spread + margin for the
+    /// middle of its bounds, or if its box lies below all horizons, n . (x - p) < 0 for all x, p and n. See [`SLACK`] for the
+    /// rounding; comparisons with an overflown term are false and keep the child.
+    #[inline(always)]
+    fn new<const DUAL: bool>(node: &Node, query: &Query) -> Self {
+        let mut q = [[0.0; WIDTH]; 3];
+        for axis in 0..3 {
+            for j in 0..WIDTH {
+                q[axis][j] = (query.high[axis] - node.center[axis][j]) + query.low[axis];
+            }
+        }
+        let (mut middle, mut spread) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let mut kept = [true; WIDTH];
+        if DUAL {
+            for j in 0..WIDTH {
+                let [x, y, z] = [q[0][j], q[1][j], q[2][j]];
+                let [nx, ny, nz] = &node.normal;
+                let [hx, hy, hz] = &node.normal_half;
+                middle[j] = nx[j] * x + ny[j] * y + nz[j] * z + node.offset[j];
+                spread[j] = hx[j] * x.abs() + hy[j] * y.abs() + hz[j] * z.abs() + node.offset_half[j];
+                kept[j] = !(middle[j].abs() > spread[j] + query.margin);
+            }
+        }
+        if let Some(Horizon { normal: [nx, ny, nz], half: [hx, hy, hz], size: [sx, sy, sz], margin }) = &query.horizon {
+            let [bx, by, bz] = &node.half;
+            for j in 0..WIDTH {
+                let [x, y, z] = [q[0][j], q[1][j], q[2][j]];
+                let depth = nx * x + ny * y + nz * z;
+                let reach = (sx * bx[j] + sy * by[j] + sz * bz[j]) + (hx * x.abs() + hy * y.abs() + hz * z.abs());
+                kept[j] &= !(depth > reach + margin);
+            }
+        }
+        let kept = (0..WIDTH).fold(0, |bits, j| bits | u32::from(kept[j]) << j);
+        Self { kept, q, middle, spread }
+    }
+
+    /// The terms of child `j`, a leaf.
+    ///
+    /// A plane's fractions are rounded to the grid by at most half a step, in sum at most spread / (2 STEPS). Rounding of its value
+    /// is at most 16 u (|q|_1 + |d| + spread), and 2^-12 spread pays for the plane itself.
+    #[inline(always)]
+    fn leaf(&self, leaf: u32, j: usize, node: &Node, query: &Query) -> LeafHit {
+        const GRID: f32 = 0.5 / STEPS + 1.0 / 4096.0 + SLACK as f32;
+        let [x, y, z] = [self.q[0][j], self.q[1][j], self.q[2][j]];
+        let rounding = SLACK as f32 * (x.abs() + y.abs() + z.abs() + node.offset[j].abs());
+        LeafHit {
+            leaf,
+            base: self.middle[j],
+            factors: [
+                node.normal_half[0][j] * x * (1.0 / STEPS),
+                node.normal_half[1][j] * y * (1.0 / STEPS),
+                node.normal_half[2][j] * z * (1.0 / STEPS),
+                node.offset_half[j] * (1.0 / STEPS),
+            ],
+            margin: query.margin + GRID * self.spread[j] + rounding,
+        }
+    }
+}
+
+impl LeafHit {
+    /// The edges whose planes are not both certain and of the same sign.
+    #[inline(always)]
+    fn test(&self, leaf: &Leaf) -> u32 {
+        let mut values = [[0.0; WIDTH]; 2];
+        for (values, [kx, ky, kz, kd]) in values.iter_mut().zip(&leaf.planes) {
+            let [fx, fy, fz, fd] = self.factors;
+            for j in 0..WIDTH {
+                values[j] = self.base
+                    + fx * f32::from(kx[j])
+                    + fy * f32::from(ky[j])
+                    + fz * f32::from(kz[j])
+                    + fd * f32::from(kd[j]);
+            }
+        }
+        let mut kept = [true; WIDTH];
+        for j in 0..WIDTH {
+            let (v, w, m) = (values[0][j], values[1][j], self.margin);
+            kept[j] = !((v > m) & (w > m) | (v < -m) & (w < -m)) | (leaf.planes[0][3][j] == FAN);
+        }
+        (0..WIDTH).fold(0, |bits, j| bits | u32::from(kept[j]) << j)
+    }
+}
+
+/// The side of a plane, through `anchor` with normal `n` of any length, on which all of a tile lies; none if that is not certain.
+#[inline(always)]
+pub(crate) fn certain_sign(tile: &Tile<'_>, n: DVec3, anchor: DVec3) -> Option<i8> {
+    let value = plane_value(n.to_array(), anchor.to_array(), tile.center.to_array());
+    // Rounding of the value, at the centre and at the receiver, is below 16 units of roundoff of the length of its terms.
+    let arm = (tile.center - anchor).abs().element_sum() + tile.radius;
+    let bound = n.length() * (tile.radius + 16.0 * f64::EPSILON * arm) + f64::MIN_POSITIVE;
+    (value.abs() > bound).then(|| crate::face::sign(value))
+}
+
+impl DualBvh {
+    /// Finds the candidates of a tile: all edges that are contours for some receiver in its ball, but those below the horizon of
+    /// every receiver, and all edges of the excluded faces. What `out` held is replaced; nothing is allocated once its memory has
+    /// grown to the size that the searches need.
+    pub fn search(&self, tile: &Tile<'_>, out: &mut Candidates) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.search_avx2(tile, out) };
+        }
+        self.search_inline(tile, out);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn search_avx2(&self, tile: &Tile<'_>, out: &mut Candidates) {
+        self.search_inline(tile, out);
+    }
+
+    #[inline(always)]
+    fn search_inline(&self, tile: &Tile<'_>, out: &mut Candidates) {
+        let query = Query::new(tile);
+        out.clear(self);
+        let mut scratch = std::mem::take(&mut out.scratch);
+        scratch.exclude(self, tile);
+        let [nodes, edges] = self.balanced_hits(&query, &mut scratch);
+        let unbalanced = self.unbalanced_hits(&query, &mut scratch);
+        (out.nodes_tested, out.edges_tested) = (nodes + unbalanced, edges);
+        self.collect(tile, &mut scratch, out);
+        scratch.readmit(self, tile);
+        out.scratch = scratch;
+    }
+
+    /// Appends the edges of the balanced tree to the hits. Returns the numbers of bounds and of edges tested.
+    #[inline(always)]
+    fn balanced_hits(&self, query: &Query, scratch: &mut Scratch) -> [u64; 2] {
+        let Scratch { nodes, children, leaves, hits, excluded, .. } = scratch;
+        leaves.clear();
+        let tested = descend::<true>(&self.balanced, query, nodes, children, |test, node, leaf, j| {
+            leaves.push(test.leaf(leaf, j, node, query));
+        });
+        let mut edges = 0;
+        for hit in &*leaves {
+            let live = (self.balanced.edges - WIDTH * hit.leaf as usize).min(WIDTH);
+            edges += live as u64;
+            let mut kept = hit.test(&self.balanced.leaves[hit.leaf as usize]) & ((1 << live) - 1);
+            if let Some(&bits) = excluded.get(hit.leaf as usize) {
+                kept &= !u32::from(bits);
+            }
+            while kept != 0 {
+                hits.push(WIDTH as u32 * hit.leaf + kept.trailing_zeros());
+                kept &= kept - 1;
+            }
+        }
+        [tested, edges]
+    }
+
+    /// Appends the edges of the unbalanced tree to the hits. Returns the number of bounds tested.
+    #[inline(always)]
+    fn unbalanced_hits(&self, query: &Query, scratch: &mut Scratch) -> u64 {
+        let Scratch { nodes, children, hits, excluded, .. } = scratch;
+        let first = self.balanced.edges;
+        let mut append = |edges: std::ops::Range<usize>| {
+            for edge in first + edges.start..first + edges.end {
+                if excluded.get(edge / 8).is_none_or(|bits| bits >> (edge % 8) & 1 == 0) {
+                    hits.push(edge as u32);
+                }
+            }
+        };
+        if query.horizon.is_none() {
+            append(0..self.unbalanced.edges);
+            return 0;
+        }
+        descend::<false>(&self.unbalanced, query, nodes, children, |_, _, leaf, _| {
+            append(self.unbalanced.edges_below(0, leaf as usize));
+        })
+    }
+
+    /// Turns the hits into candidates.
+    #[inline(always)]
+    fn collect(&self, tile: &Tile<'_>, scratch: &mut Scratch, out: &mut Candidates) {
+        let Scratch { hits, irregular, .. } = scratch;
+        irregular.clear();
+        for &edge in &*hits {
+            let record = self.edges.records[edge as usize];
+            let Some(faces) = record.regular() else {
+                irregular.push(edge);
+                continue;
+            };
+            let first = out.incidences.len() as u32;
+            let [a, b] = record.vertices().map(|vertex| out.vertices.insert(vertex));
+            let [f, g] = faces.map(|face| out.faces.insert(face));
+            out.incidences.extend([Incidence::new(f, false), Incidence::new(g, true)]);
+            out.edges.push(CandidateEdge { a, b, first, len: 2 });
+        }
+        out.regular = out.edges.len();
+        for &edge in &*irregular {
+            let uses = self.edges.incidences(edge);
+            if uses.len() > 2 && self.is_fan_certain(tile, &uses) {
+                continue;
+            }
+            let first = out.incidences.len() as u32;
+            let [a, b] = self.edges.records[edge as usize].vertices().map(|vertex| out.vertices.insert(vertex));
+            for use_ in &*uses {
+                let face = out.faces.insert(use_.face());
+                out.incidences.push(use_.with_face(face));
+            }
+            out.edges.push(CandidateEdge { a, b, first, len: uses.len() as u32 });
+        }
+
+        out.positions.extend(out.vertices.globals().iter().map(|&v| self.positions[v as usize].as_dvec3()));
+        let count = out.faces.globals().len();
+        out.normals.iter_mut().for_each(|lanes| lanes.resize(count, 0.0));
+        out.anchors.iter_mut().for_each(|lanes| lanes.resize(count, 0.0));
+        let [nx, ny, nz] = out.normals.each_mut().map(|lanes| &mut lanes[..count]);
+        let [ax, ay, az] = out.anchors.each_mut().map(|lanes| &mut lanes[..count]);
+        for (i, &face) in out.faces.globals().iter().enumerate() {
+            let [a, b, c] = self.triangles[face as usize].map(|vertex| self.positions[vertex as usize]);
+            [nx[i], ny[i], nz[i]] = face_normal(a, b, c).to_array();
+            [ax[i], ay[i], az[i]] = a.to_array();
+        }
+    }
+
+    /// Whether a fan is certain to be no contour, unless one of its faces is excluded.
+    fn is_fan_certain(&self, tile: &Tile<'_>, fan: &[Incidence]) -> bool {
+        if !tile.excluded().is_empty() && fan.iter().any(|use_| tile.excluded().contains(&use_.face())) {
+            return false;
+        }
+        let jump = fan.iter().try_fold(0, |jump, use_| {
+            let [a, b, c] = self.triangles[use_.face() as usize].map(|vertex| self.positions[vertex as usize]);
+            let sign = certain_sign(tile, face_normal(a, b, c), a.as_dvec3())?;
+            Some(jump + i32::from(use_.orientation()) * i32::from(sign))
+        });
+        jump == Some(0)
+    }
+}
+
+/// Goes through the children of all nodes of a tree that may hold contours, level by level, and calls `leaf` with the test, the
+/// node and the number of every leaf and its lane. Returns the number of bounds tested.
+#[inline(always)]
+fn descend<const DUAL: bool>(
+    tree: &Tree,
+    query: &Query,
+    nodes: &mut Vec<u32>,
+    children: &mut Vec<u32>,
+    mut leaf: impl FnMut(&NodeTest, &Node, u32, usize),
+) -> u64 {
+    nodes.clear();
+    if !tree.levels.is_empty() {
+        nodes.push(0);
+    }
+    let mut tested = 0;
+    for (height, level) in tree.levels.iter().enumerate().rev() {
+        let count = match height {
+            0 => tree.edges.div_ceil(WIDTH),
+            _ => tree.levels[height - 1].len(),
+        };
+        children.clear();
+        for &index in &*nodes {
+            let node = &level[index as usize];
+            let test = NodeTest::new::<DUAL>(node, query);
+            let live = (count - WIDTH * index as usize).min(WIDTH);
+            tested += live as u64;
+            let mut kept = test.kept & ((1 << live) - 1);
+            while kept != 0 {
+                let j = kept.trailing_zeros();
+                let child = WIDTH as u32 * index + j;
+                if height == 0 {
+                    leaf(&test, node, child, j as usize);
+                } else {
+                    children.push(child);
+                }
+                kept &= kept - 1;
+            }
+        }
+        std::mem::swap(nodes, children);
+    }
+    tested
+}
+
+impl Scratch {
+    /// Marks the edges of the excluded faces and makes them the first hits.
+    fn exclude(&mut self, bvh: &DualBvh, tile: &Tile<'_>) {
+        self.hits.clear();
+        if tile.excluded().is_empty() {
+            return self.excluded.clear();
+        }
+        self.excluded.resize(bvh.edges.records.len().div_ceil(8), 0);
+        for edge in bvh.edges_of(tile.excluded()) {
+            let (bits, bit) = (&mut self.excluded[edge as usize / 8], 1 << (edge % 8));
+            if *bits & bit == 0 {
+                *bits |= bit;
+                self.hits.push(edge);
+            }
+        }
+    }
+
+    /// Takes the marks away.
+    fn readmit(&mut self, bvh: &DualBvh, tile: &Tile<'_>) {
+        for edge in bvh.edges_of(tile.excluded()) {
+            self.excluded[edge as usize / 8] = 0;
+        }
+    }
+}
+
+impl DualBvh {
+    fn edges_of(&self, faces: &[u32]) -> impl Iterator<Item = u32> {
+        faces.iter().filter_map(|&face| self.edges.of_faces.get(face as usize)).flatten().copied()
+    }
+}
+
+impl Candidates {
+    fn clear(&mut self, bvh: &DualBvh) {
+        self.vertices.clear(bvh.positions.len());
+        self.faces.clear(bvh.triangles.len());
+        self.positions.clear();
+        self.normals.iter_mut().for_each(Vec::clear);
+        self.anchors.iter_mut().for_each(Vec::clear);
+        self.edges.clear();
+        self.incidences.clear();
+    }
+}
