@@ -4,6 +4,7 @@ mod crossing;
 #[cfg(test)]
 mod fixtures;
 mod pixel_distribution;
+pub mod qmc;
 mod rays;
 mod sobol;
 

@@ -29,7 +29,8 @@ impl PixelDistribution {
     /// orthogonal matrix, mirrors included.
     ///
     /// # Errors
-    /// [`Error::Input`] unless there is one weight for each of `width` x `height` > 0 pixels, each finite and not negative.
+    /// [`Error::Input`] unless there is one weight for each of `width` x `height` > 0 pixels, each finite and not negative,
+    /// with a finite sum.
     pub fn new(width: usize, height: usize, weights: &[f64], to_world: DMat3) -> Result<Self> {
         if width == 0 || height == 0 || width.checked_mul(height) != Some(weights.len()) {
             return Err(Error::input(format!(
@@ -44,6 +45,9 @@ impl PixelDistribution {
                 at / width,
                 weights[at]
             )));
+        }
+        if !weights.iter().sum::<f64>().is_finite() {
+            return Err(Error::input("the weights of the pixels sum to infinity: scale them down"));
         }
         let mut columns = Vec::with_capacity(height * (width + 1));
         let mut totals = Vec::with_capacity(height);
@@ -195,5 +199,6 @@ mod tests {
         assert!(message(&[1.0]).contains("2 x 1"));
         assert!(message(&[1.0, f64::NAN]).contains("(1, 0)"));
         assert!(message(&[-1.0, 1.0]).contains("(0, 0)"));
+        assert!(message(&[f64::MAX, f64::MAX]).contains("infinity"));
     }
 }
