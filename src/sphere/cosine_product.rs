@@ -20,13 +20,13 @@ struct Entry {
 /// All entries for [`Order::MAX`] rows, sorted by row.
 static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(entries);
 
-/// Coefficients of f(w) (n.w), `order.len()` of them into `out`, from the coefficients `f` of one band more,
-/// (order + 1)^2. `n` need not be a unit vector: the product is linear in it.
+/// Coefficients of f(w) (n.w), `order.len()` of them into `out`, from the coefficients `f` of one band more
+/// (`order.raised().len()`). `n` need not be a unit vector: the product is linear in it.
 ///
 /// # Panics
 /// If a slice has another length.
 pub fn cosine_product(order: Order, n: DVec3, f: &[f64], out: &mut [f64]) {
-    assert_eq!(f.len(), (order.bands() + 1) * (order.bands() + 1));
+    assert_eq!(f.len(), order.raised().len());
     assert_eq!(out.len(), order.len());
     out.fill(0.0);
     let n = n.to_array();
@@ -64,7 +64,7 @@ fn entries() -> Vec<Entry> {
             // m = 0 lack the factor sqrt(2).
             let half = if m == 0 { 0.5f64.sqrt() } else { 0.5 };
             let up = half * ratio(l + m + 2, l + m + 1, l + 1);
-            let down = if m + 1 <= l - 1 { -half * ratio(l - m, l - m - 1, l) } else { 0.0 };
+            let down = if m < l - 1 { -half * ratio(l - m, l - m - 1, l) } else { 0.0 };
             for (k, value) in [(l + 1, up), (l - 1, down)] {
                 if value == 0.0 {
                     continue;

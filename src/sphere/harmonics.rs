@@ -47,8 +47,8 @@ impl Order {
         self.bands() * self.bands()
     }
 
-    /// One band more: what a product with a cosine needs of its other factor. Eleven bands at most, for this alone.
-    pub(crate) fn raised(self) -> Self {
+    /// One band more, up to eleven: what [`cosine_product`](super::cosine_product) needs of its other factor.
+    pub fn raised(self) -> Self {
         Self((self.0 + 1).min(TABLED as u8))
     }
 }
@@ -147,9 +147,8 @@ fn recurrence<const N: usize>(
     for m in 0..bands {
         let mut q = [diagonal[m]; N];
         let mut q_before = [0.0; N];
-        for l in m..bands {
+        for (l, Step { a, b }) in steps[m][..bands].iter().enumerate().skip(m) {
             if l > m {
-                let Step { a, b } = steps[m][l];
                 let q_next = std::array::from_fn(|k| a * z[k] * q[k] - b * q_before[k]);
                 (q_before, q) = (q, q_next);
             }

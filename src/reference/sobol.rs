@@ -1,0 +1,90 @@
+//! Owen-scrambled Sobol points in the unit square.
+
+use sobol_burley::parts::{hash, owen_scramble_rev, sobol_rev};
+
+/// One randomisation of the first two Sobol dimensions: a (0, 2)-sequence, so that every power-of-two prefix has one point
+/// in each elementary interval of its size.
+///
+/// Scrambling is by hash (Burley 2020, with the direction numbers and the hash of the crate `sobol_burley`). Points with
+/// different seeds are independent; each point alone is uniform over the square. Coordinates carry 32 bits and are the
+/// middles of their cells, never 0 nor 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Sobol {
+    scrambles: [u32; 2],
+}
+
+impl Sobol {
+    /// Points in a sequence: beyond them use further seeds.
+    pub const LENGTH: u32 = 1 << 16;
+
+    /// The randomisation number `seed`.
+    pub fn new(seed: u32) -> Self {
+        // Hashes of hashes, so that neither neighbouring seeds nor the two dimensions are related.
+        let key = hash(seed);
+        Self { scrambles: [hash(key ^ 0x5bd1_e995), hash(key.wrapping_mul(0x9c8f_2d3b) ^ 0x27d4_eb2f)] }
+    }
+
+    /// Point number `index`, below [`Sobol::LENGTH`].
+    pub fn point(&self, index: u32) -> [f64; 2] {
+        let index = index.reverse_bits();
+        [0, 1].map(|dimension| {
+            let bits = owen_scramble_rev(sobol_rev(index, dimension), self.scrambles[dimension as usize]);
+            (f64::from(bits.reverse_bits()) + 0.5) / 4_294_967_296.0
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prefixes_have_one_point_in_every_elementary_interval() {
+        for seed in 0..20 {
+            let sobol = Sobol::new(seed);
+            for bits in [1, 4, 10] {
+                for split in 0..=bits {
+                    let (columns, rows) = (1u32 << split, 1u32 << (bits - split));
+                    let mut hit = vec![false; 1 << bits];
+                    for k in 0..1 << bits {
+                        let [x, y] = sobol.point(k);
+                        let cell = (x * f64::from(columns)) as u32 * rows + (y * f64::from(rows)) as u32;
+                        assert!(!std::mem::replace(&mut hit[cell as usize], true), "seed {seed} bits {bits}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_point_is_uniform_over_the_seeds() {
+        // Bits of point 5 over 4096 seeds: each set half of the time, pairs of bits a quarter, to 5 standard deviations.
+        let count = 4096;
+        let points: Vec<[u32; 2]> =
+            (0..count).map(|seed| Sobol::new(seed).point(5).map(|x| (x * 4_294_967_296.0) as u32)).collect();
+        let share = |f: &dyn Fn(&[u32; 2]) -> bool| points.iter().filter(|p| f(p)).count() as f64 / f64::from(count);
+        for bit in 0..32 {
+            for dimension in 0..2 {
+                let half = share(&|p| p[dimension] >> bit & 1 == 1);
+                assert!((half - 0.5).abs() < 5.0 * 0.5 / 64.0, "bit {bit} of dimension {dimension}: {half}");
+            }
+            for other in 0..32 {
+                let both = share(&|p| p[0] >> bit & p[1] >> other & 1 == 1);
+                assert!((both - 0.25).abs() < 5.0 * 0.433 / 64.0, "bits {bit} and {other}: {both}");
+            }
+        }
+    }
+
+    #[test]
+    fn points_are_inside_the_open_square() {
+        let (mut low, mut high) = (1.0f64, 0.0f64);
+        for k in 0..Sobol::LENGTH {
+            for x in Sobol::new(3).point(k) {
+                (low, high) = (low.min(x), high.max(x));
+            }
+        }
+        assert!(low > 0.0 && high < 1.0);
+        // 2^16 points in strata of 2^-16 reach both ends.
+        assert!(low < 2f64.powi(-16) && high > 1.0 - 2f64.powi(-16));
+    }
+}
