@@ -6,6 +6,7 @@ mod mesh;
 mod mtl;
 mod obj;
 mod polygon;
+pub mod shapes;
 mod topology;
 
 use std::path::Path;
