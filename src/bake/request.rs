@@ -1,0 +1,46 @@
+use std::fmt;
+
+/// What to compute at every receiver. What is not asked for is not computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Number of spherical-harmonic bands; `order^2` coefficients.
+    pub order: usize,
+    /// `ambient_occlusion` [N]: 1/pi integral of V max(0, n.w); 1 = open.
+    pub ambient_occlusion: bool,
+    /// `visibility_sh` [N, order^2]: integral of V [n.w > 0] y.
+    pub visibility_sh: bool,
+    /// `transfer_sh` [N, order^2]: 1/pi integral of V max(0, n.w) y.
+    pub transfer_sh: bool,
+    /// `bent_normal` [N, 3]: unit mean of the visible directions, weighted by the cosine; zero where nothing is visible.
+    pub bent_normal: bool,
+    /// `irradiance` [N, 3]: integral of L V max(0, n.w).
+    pub irradiance: bool,
+    /// `vector_irradiance` [N, 3 colours, 3 axes]: integral of L V [n.w > 0] w.
+    pub vector_irradiance: bool,
+}
+
+/// How visibility is integrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Octahedral u-isolines (Nowrouzezahrai, Baran, Mitchell and Jarosz 2014).
+    Isolines {
+        /// Number of lines over the sphere; the error falls as its power 1.5.
+        lines: u32,
+    },
+    /// Quasi-Monte Carlo by ray casting, Owen-scrambled Sobol points.
+    Qmc {
+        /// Rays per receiver.
+        samples: u32,
+        /// Seed of the scrambling.
+        seed: u32,
+    },
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Isolines { .. } => "isolines",
+            Self::Qmc { .. } => "qmc",
+        })
+    }
+}
