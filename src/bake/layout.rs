@@ -1,19 +1,20 @@
-use super::Request;
+use super::{Method, Request};
 use crate::sphere::Order;
 use crate::{Error, Result};
 
 /// Where each array lies in a receiver's row of values, and how many there are.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Name, offset, shape of one row.
-    pub(super) arrays: Vec<(&'static str, usize, Vec<usize>)>,
+    /// Name, offset and shape of one receiver's part.
+    pub(super) arrays: Vec<(String, usize, Vec<usize>)>,
     /// Values in a row.
     pub(super) width: usize,
 }
 
 impl Layout {
-    /// The rows for a request; refuses what makes no sense.
-    pub(super) fn new(request: &Request, probes: bool) -> Result<Self> {
+    /// The rows for a request; refuses what makes no sense. Quasi-Monte Carlo adds the standard error of every value, in
+    /// arrays of the same shape called `NAME_error`.
+    pub(super) fn new(request: &Request, method: Method, probes: bool) -> Result<Self> {
         let coefficients = Order::new(request.order)?.len();
         if probes && (request.ambient_occlusion || request.transfer_sh || request.irradiance) {
             return Err(Error::input(
@@ -25,25 +26,34 @@ impl Layout {
             ("ambient_occlusion", request.ambient_occlusion, vec![]),
             ("visibility_sh", request.visibility_sh, vec![coefficients]),
             ("transfer_sh", request.transfer_sh, vec![coefficients]),
-            ("bent_normal", request.bent_normal, vec![3]),
             ("irradiance", request.irradiance, vec![3]),
             ("vector_irradiance", request.vector_irradiance, vec![3, 3]),
+            ("bent_normal", request.bent_normal, vec![3]),
         ];
         let mut layout = Self { arrays: Vec::new(), width: 0 };
         for (name, _, shape) in wanted.into_iter().filter(|(_, wanted, _)| *wanted) {
-            let size: usize = shape.iter().product();
-            layout.arrays.push((name, layout.width, shape));
-            layout.width += size;
+            layout.push(name.into(), shape);
         }
         if layout.width == 0 {
             return Err(Error::input("nothing was asked for: request at least one array"));
         }
+        if let Method::Qmc { .. } = method {
+            for (name, _, shape) in layout.arrays.clone().into_iter().filter(|(name, ..)| name != "bent_normal") {
+                layout.push(name + "_error", shape);
+            }
+        }
         Ok(layout)
+    }
+
+    fn push(&mut self, name: String, shape: Vec<usize>) {
+        let size: usize = shape.iter().product();
+        self.arrays.push((name, self.width, shape));
+        self.width += size;
     }
 
     /// A receiver's values of one array, if it was asked for.
     pub(super) fn slice<'a>(&self, name: &str, row: &'a mut [f64]) -> Option<&'a mut [f64]> {
-        let (_, offset, shape) = self.arrays.iter().find(|(n, ..)| *n == name)?;
+        let (_, offset, shape) = self.arrays.iter().find(|(n, ..)| n == name)?;
         Some(&mut row[*offset..*offset + shape.iter().product::<usize>()])
     }
 }

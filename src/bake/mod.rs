@@ -1,14 +1,28 @@
 //! Receivers, the plan, and the writers of results.
 
+mod along_isolines;
+mod arrays;
+mod baked;
+mod by_rays;
+mod channels;
 mod integrate;
 mod layout;
+mod partial;
 mod progress;
+mod provenance;
 mod receivers;
 mod request;
+mod statistics;
 mod tiles;
+pub mod writers;
 
-pub use integrate::{Counts, Solution, Statistics, integrate};
+pub use arrays::{Array, Arrays};
+pub use baked::{Baked, BakedImage, BakedVertices};
+pub use channels::{components, flip_phase};
+pub use integrate::integrate;
+pub use partial::Partial;
 pub use progress::Control;
+pub use provenance::{Phase, Provenance};
 pub use receivers::Receivers;
-pub use request::{Method, Request};
-pub use tiles::{TILE_RADIUS, TILE_RECEIVERS};
+pub use request::{Method, Outcome, Request};
+pub use statistics::Statistics;

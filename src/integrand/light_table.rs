@@ -1,15 +1,7 @@
 use glam::DVec3;
 
+use crate::scene::Environment;
 use crate::visibility::{Interval, Isolines, cycle};
-
-/// A small patch of the sphere from which light of one radiance comes.
-#[derive(Clone, Copy, Debug)]
-pub struct LightPatch {
-    /// Integral of w over the patch: its mean direction times its solid angle, nearly.
-    pub moment: DVec3,
-    /// Radiance per colour.
-    pub radiance: [f64; 3],
-}
 
 /// Summed-area tables of light times the linear harmonics along u-isolines: with them the vector irradiance of any
 /// visible interval is the difference of two entries.
@@ -28,14 +20,16 @@ pub struct LightTable {
 const MEMORY: usize = 1 << 28;
 
 impl LightTable {
-    /// Sums up patches of light; they should be a few times smaller than the isolines' distance.
-    pub fn new(isolines: &Isolines, patches: impl Iterator<Item = LightPatch>) -> Self {
+    /// Sums up the light of an environment, each of its pixels cut into patches a few times smaller than the distance of
+    /// the isolines.
+    pub fn new(isolines: &Isolines, environment: &Environment) -> Self {
         let lines = isolines.len();
         let most = MEMORY / (lines * 4 * size_of::<[f64; 9]>());
         let cells = (lines / 2).max(64).min(most.max(16));
         let mut axes = [(); 3].map(|()| vec![[0.0; 9]; lines * 4 * (cells + 1)]);
-        for LightPatch { moment, radiance } in patches {
-            let added: [f64; 9] = std::array::from_fn(|i| radiance[i / 3] * moment[i % 3]);
+        let patches = (4 * lines).div_ceil(environment.height()).clamp(1, 16);
+        for (moment, radiance) in environment.patches(patches) {
+            let added: [f64; 9] = std::array::from_fn(|i| f64::from(radiance[i / 3]) * moment[i % 3]);
             for (axis, sums) in axes.iter_mut().enumerate() {
                 let (arc, fraction) = place(lines, cycle(moment, axis));
                 let cell = ((fraction * cells as f64) as usize).min(cells - 1);

@@ -4,10 +4,11 @@ mod crossing;
 #[cfg(test)]
 mod fixtures;
 mod pixel_distribution;
-pub mod qmc;
+mod qmc;
 mod rays;
 mod sobol;
 
 pub use pixel_distribution::PixelDistribution;
+pub use qmc::{Columns, Estimates, Light, Qmc, Request};
 pub use rays::{Hit, RayScene};
 pub use sobol::Sobol;

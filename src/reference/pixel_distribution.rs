@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DVec3};
 
+use crate::scene::Environment;
 use crate::{Error, Result};
 
 /// A density over the sphere, constant on every pixel of a latitude-longitude image.
@@ -24,6 +25,23 @@ pub struct PixelDistribution {
 }
 
 impl PixelDistribution {
+    /// The distribution of an environment's power: luminance (the mean of its colours) times solid angle.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the sum is not finite.
+    pub fn of(environment: &Environment) -> Result<Self> {
+        let (width, height) = (environment.width(), environment.height());
+        let weights: Vec<f64> = environment
+            .pixels()
+            .iter()
+            .enumerate()
+            .map(|(i, radiance)| f64::from(radiance.element_sum()) * environment.solid_angle(i / width))
+            .collect();
+        // The image's first column begins at -z, its columns go on towards +x, and its top is +y.
+        let columns = DMat3::from_cols(DVec3::NEG_Z, DVec3::X, DVec3::Y);
+        Self::new(width, height, &weights, environment.to_scene() * columns)
+    }
+
     /// The distribution with pixel `row * width + column` of probability proportional to `weights` (luminance times solid
     /// angle, say), uniform in solid angle within the pixel. If all weights are zero, uniform over the sphere. `to_world` is an
     /// orthogonal matrix, mirrors included.

@@ -13,6 +13,7 @@ use super::{PixelDistribution, RayScene, Sobol};
 use crate::{
     Error, Result,
     sphere::{Order, evaluate},
+    visibility::Receiver,
 };
 
 /// How many rays are cast, and which.
@@ -33,17 +34,6 @@ pub struct Qmc {
     pub samples: u32,
     /// Different seeds give independent estimates. The receivers of one run are independent of each other, too.
     pub seed: u32,
-}
-
-/// A point whose surroundings are integrated.
-#[derive(Clone, Copy, Debug)]
-pub struct Receiver<'a> {
-    /// Where.
-    pub position: DVec3,
-    /// Unit normal of the hemisphere that is integrated; `None` for the whole sphere.
-    pub normal: Option<DVec3>,
-    /// Indices of the triangles that do not occlude: those the receiver lies on.
-    pub excluded: &'a [u32],
 }
 
 /// Radiance that arrives from infinitely far away.

@@ -170,6 +170,28 @@ impl Environment {
         TAU / self.width as f64 * 2.0 * (step / 2.0).sin() * middle.cos()
     }
 
+    /// Cuts every pixel into `split` x `split` patches of equal angles. For each of them: the integral of w over it,
+    /// exactly (as a direction: where it lies; its solid angle is a little larger than its length), and its radiance.
+    pub fn patches(&self, split: usize) -> impl Iterator<Item = (DVec3, Vec3)> {
+        let (columns, rows) = (self.width * split, self.height * split);
+        (0..rows).flat_map(move |row| {
+            let [top, bottom] = [row, row + 1].map(|edge| (PI * (0.5 - edge as f64 / rows as f64)).sin_cos());
+            // Integrals over the latitudes of cos^2 and of sin cos.
+            let squared = 0.5 * (PI / rows as f64 + top.0 * top.1 - bottom.0 * bottom.1);
+            let mixed = 0.5 * (top.0 * top.0 - bottom.0 * bottom.0);
+            (0..columns).map(move |column| {
+                let [left, right] =
+                    [column, column + 1].map(|edge| (PI * (1.0 - 2.0 * edge as f64 / columns as f64)).sin_cos());
+                let moment = DVec3::new(
+                    squared * (right.1 - left.1),
+                    mixed * TAU / columns as f64,
+                    squared * (left.0 - right.0),
+                );
+                (self.to_scene * moment, self.radiance[row / split * self.width + column / split])
+            })
+        })
+    }
+
     /// Mean radiance over the sphere.
     pub fn mean(&self) -> DVec3 {
         let row = |(y, row): (usize, &[Vec3])| row.iter().map(|l| l.as_dvec3()).sum::<DVec3>() * self.solid_angle(y);

@@ -1,0 +1,37 @@
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+/// What a run did and how long it took.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Receivers solved.
+    pub receivers: u64,
+    /// Method by name.
+    pub method: String,
+    /// Bands of the spherical harmonics.
+    pub order: usize,
+    /// Triangles that cast shadows, after cleaning.
+    pub triangles: u64,
+    /// Threads used.
+    pub threads: usize,
+    /// Seconds to build the search structures.
+    pub build_seconds: f64,
+    /// Seconds to solve all receivers.
+    pub integrate_seconds: f64,
+    /// Mean number of contour edges a receiver sees.
+    pub contours_per_receiver: f64,
+    /// Receivers at which the depth complexity turned negative somewhere: the bookkeeping failed there.
+    pub depth_alarms: u64,
+    /// Counters of work that was not needed, by name.
+    pub skipped: BTreeMap<String, u64>,
+    /// Counters of receivers solved again another way after an alarm, by that way's name.
+    pub fallbacks: BTreeMap<String, u64>,
+}
+
+impl Statistics {
+    /// The statistics as indented JSON, ending in a newline.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("numbers and strings always serialise") + "\n"
+    }
+}

@@ -1,0 +1,234 @@
+//! NumPy's array files, versions 1 to 3 of the format (NumPy enhancement proposal 1).
+
+use std::io::Write;
+use std::path::Path;
+
+use crate::bake::Array;
+use crate::{Error, Result};
+
+const MAGIC: &[u8; 6] = b"\x93NUMPY";
+
+/// Reads a `.npy` file of real numbers, integers or booleans as doubles; `name` becomes the array's.
+///
+/// # Errors
+/// When the file is missing, truncated, no `.npy`, or of another type.
+pub fn read(path: &Path, name: &str) -> Result<Array> {
+    let bytes = std::fs::read(path).map_err(|error| Error::file(path, error))?;
+    parse(name, &bytes).map_err(|message| Error::file(path, message))
+}
+
+/// Header of a version 1 file for little-endian numbers of type `descr`, in C order.
+pub(super) fn write_header(file: &mut impl Write, descr: &str, shape: &[usize]) -> std::io::Result<()> {
+    let axes: String = shape.iter().map(|length| format!("{length}, ")).collect();
+    let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
+    // Numbers begin at a multiple of 64 bytes, behind the newline that ends the header.
+    let unpadded = MAGIC.len() + 4 + text.len() + 1;
+    text.push_str(&" ".repeat(unpadded.next_multiple_of(64) - unpadded));
+    text.push('\n');
+    let length = u16::try_from(text.len()).map_err(std::io::Error::other)?;
+    file.write_all(MAGIC)?;
+    file.write_all(&[1, 0])?;
+    file.write_all(&length.to_le_bytes())?;
+    file.write_all(text.as_bytes())
+}
+
+/// Numbers of an array file, or its text if it holds a single string.
+pub(super) enum Content {
+    Numbers(Array),
+    Text(String),
+}
+
+/// Reads the array file `bytes`.
+pub(super) fn parse_content(name: &str, bytes: &[u8]) -> std::result::Result<Content, String> {
+    let header = Header::parse(bytes)?;
+    match header.kind {
+        'U' if header.shape.is_empty() => header.text().map(Content::Text),
+        _ => header.numbers(name).map(Content::Numbers),
+    }
+}
+
+fn parse(name: &str, bytes: &[u8]) -> std::result::Result<Array, String> {
+    match parse_content(name, bytes)? {
+        Content::Numbers(array) => Ok(array),
+        Content::Text(_) => Err("holds text where numbers are wanted".into()),
+    }
+}
+
+struct Header<'a> {
+    big_endian: bool,
+    /// NumPy's letter of the type: f, i, u, b, U, ...
+    kind: char,
+    /// Bytes of one element.
+    size: usize,
+    fortran_order: bool,
+    shape: Vec<usize>,
+    data: &'a [u8],
+}
+
+impl<'a> Header<'a> {
+    fn parse(bytes: &'a [u8]) -> std::result::Result<Self, String> {
+        let not = || "not a NumPy array file, or truncated".to_owned();
+        let rest = bytes.strip_prefix(MAGIC).ok_or_else(not)?;
+        let (version, rest) = rest.split_first_chunk::<2>().ok_or_else(not)?;
+        let (length, rest) = match version[0] {
+            1 => rest.split_first_chunk::<2>().map(|(n, rest)| (u16::from_le_bytes(*n) as usize, rest)),
+            2 | 3 => rest.split_first_chunk::<4>().map(|(n, rest)| (u32::from_le_bytes(*n) as usize, rest)),
+            _ => None,
+        }
+        .ok_or_else(not)?;
+        let (text, data) = rest.split_at_checked(length).ok_or_else(not)?;
+        let text = std::str::from_utf8(text).map_err(|_| not())?;
+
+        let descr = value(text, "descr").ok_or_else(not)?;
+        let descr = descr.strip_prefix(['\'', '"']).and_then(|rest| rest.split(['\'', '"']).next());
+        let descr = descr.ok_or("holds records; plain numbers are wanted")?;
+        let unsupported = || format!("holds numbers of type {descr}; real numbers, integers or booleans are wanted");
+        let mut letters = descr.chars();
+        let order = letters.next().ok_or_else(unsupported)?;
+        let kind = letters.next().ok_or_else(unsupported)?;
+        let digits: usize = letters.as_str().parse().map_err(|_| unsupported())?;
+        // Lengths of Unicode strings count characters of four bytes.
+        let size = if kind == 'U' { digits.checked_mul(4).ok_or_else(not)? } else { digits };
+        if !matches!((kind, size), ('f', 4 | 8) | ('i' | 'u', 1 | 2 | 4 | 8) | ('b', 1) | ('U', 1..)) {
+            return Err(unsupported());
+        }
+
+        let shape = value(text, "shape").and_then(|rest| rest.strip_prefix('(')?.split(')').next()).ok_or_else(not)?;
+        let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
+        let shape: Vec<usize> =
+            lengths.map(|length| length.parse().map_err(|_| not())).collect::<std::result::Result<_, _>>()?;
+        let bytes = shape.iter().try_fold(size, |product, &length| product.checked_mul(length));
+        if bytes != Some(data.len()) {
+            return Err(format!("truncated: {} bytes of numbers do not fill shape {shape:?}", data.len()));
+        }
+        let fortran_order = value(text, "fortran_order").ok_or_else(not)?.starts_with("True");
+        Ok(Self { big_endian: order == '>', kind, size, fortran_order, shape, data })
+    }
+
+    fn numbers(&self, name: &str) -> std::result::Result<Array, String> {
+        let data = match (self.kind, self.size) {
+            ('f', 8) => self.elements(f64::from_le_bytes),
+            ('f', 4) => self.elements(|b| f32::from_le_bytes(b).into()),
+            ('i', 1) => self.elements(|b| i8::from_le_bytes(b).into()),
+            ('i', 2) => self.elements(|b| i16::from_le_bytes(b).into()),
+            ('i', 4) => self.elements(|b| i32::from_le_bytes(b).into()),
+            ('i', 8) => self.elements(|b| i64::from_le_bytes(b) as f64),
+            ('u', 1) | ('b', 1) => self.elements(|b| u8::from_le_bytes(b).into()),
+            ('u', 2) => self.elements(|b| u16::from_le_bytes(b).into()),
+            ('u', 4) => self.elements(|b| u32::from_le_bytes(b).into()),
+            ('u', 8) => self.elements(|b| u64::from_le_bytes(b) as f64),
+            _ => return Err("holds text where numbers are wanted".into()),
+        };
+        let array = Array::new(name, self.shape.clone(), data);
+        Ok(if self.fortran_order { transposed(array) } else { array })
+    }
+
+    fn elements<const N: usize>(&self, number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
+        let element = |bytes: &[u8; N]| {
+            let mut bytes = *bytes;
+            if self.big_endian {
+                bytes.reverse();
+            }
+            number(bytes)
+        };
+        self.data.as_chunks::<N>().0.iter().map(element).collect()
+    }
+
+    fn text(&self) -> std::result::Result<String, String> {
+        let code =
+            |bytes: &[u8; 4]| if self.big_endian { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
+        let characters = self.data.as_chunks::<4>().0.iter().map(code).map(char::from_u32);
+        let text: Option<String> = characters.collect();
+        Ok(text.ok_or("holds text that is not Unicode")?.trim_end_matches('\0').to_owned())
+    }
+}
+
+/// What follows `'key':` in the dictionary `text`.
+fn value<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    let after = ['\'', '"'].iter().find_map(|quote| text.split_once(&format!("{quote}{key}{quote}")))?.1;
+    Some(after.trim_start().strip_prefix(':')?.trim_start())
+}
+
+/// C order of an array whose numbers stand in Fortran order: first axis fastest.
+fn transposed(array: Array) -> Array {
+    let strides: Vec<usize> = array
+        .shape
+        .iter()
+        .scan(1, |product, &length| {
+            let stride = *product;
+            *product *= length;
+            Some(stride)
+        })
+        .collect();
+    let place = |flat| array.index(flat).iter().zip(&strides).map(|(i, stride)| i * stride).sum::<usize>();
+    let data = (0..array.data.len()).map(|flat| array.data[place(flat)]).collect();
+    Array { data, ..array }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file as NumPy writes it.
+    fn file(header: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{header:117}\n");
+        [b"\x93NUMPY\x01\x00".as_slice(), &(header.len() as u16).to_le_bytes(), header.as_bytes(), data].concat()
+    }
+
+    fn numbers(header: &str, data: &[u8]) -> Array {
+        parse("a", &file(header, data)).unwrap()
+    }
+
+    fn message(bytes: &[u8]) -> String {
+        parse("a", bytes).map(|_| ()).unwrap_err()
+    }
+
+    #[test]
+    fn reads_what_numpy_writes() {
+        let doubles: Vec<u8> = [1.0f64, -2.5].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let array = numbers("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &doubles);
+        assert_eq!((array.shape, array.data), (vec![2], vec![1.0, -2.5]));
+        let array = numbers("{'descr': '>i2', 'fortran_order': False, 'shape': (1, 2), }", &[1, 0, 255, 255]);
+        assert_eq!((array.shape, array.data), (vec![1, 2], vec![256.0, -1.0]));
+        let array = numbers("{'descr': '|b1', 'fortran_order': False, 'shape': (), }", &[1]);
+        assert_eq!((array.shape, array.data), (vec![], vec![1.0]));
+        // [[0, 1, 2], [3, 4, 5]] column by column.
+        let array = numbers("{'descr': '|u1', 'fortran_order': True, 'shape': (2, 3), }", &[0, 3, 1, 4, 2, 5]);
+        assert_eq!(array.data, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    }
+
+    #[test]
+    fn headers_are_as_numpy_lays_them_out() {
+        let mut bytes = Vec::new();
+        write_header(&mut bytes, "<f8", &[3]).unwrap();
+        let text = "{'descr': '<f8', 'fortran_order': False, 'shape': (3,), }";
+        assert_eq!(bytes, file(text, &[]));
+        for shape in [&[][..], &[7, 16], &[2, 3, 3]] {
+            let mut bytes = Vec::new();
+            write_header(&mut bytes, "|u1", shape).unwrap();
+            assert_eq!(bytes.len() % 64, 0);
+            bytes.resize(bytes.len() + shape.iter().product::<usize>(), 7);
+            assert_eq!(parse("a", &bytes).unwrap().shape, shape);
+        }
+    }
+
+    #[test]
+    fn bad_files_are_refused_in_words() {
+        let good = file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &[0; 16]);
+        for length in 0..good.len() {
+            message(&good[..length]);
+        }
+        assert!(message(&good[..140]).contains("do not fill shape [2]"));
+        assert!(message(b"PK\x03\x04 not an array").contains("not a NumPy array file"));
+        let odd = |descr: &str, shape: &str| {
+            message(&file(&format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}"), &[]))
+        };
+        assert!(odd("'<c16'", "(0,)").contains("<c16"));
+        assert!(odd("'|O'", "(0,)").contains("|O"));
+        assert!(odd("[('x', '<f8')]", "(0,)").contains("records"));
+        assert!(odd("'<f8'", "(-1,)").contains("not a NumPy"));
+        assert!(odd("'<f8'", "(4294967296, 4294967296, 4294967296)").contains("do not fill"));
+        assert!(odd("'<U99999999999999999999'", "()").contains("wanted"));
+        assert!(odd("'é'", "()").contains("wanted"));
+    }
+}

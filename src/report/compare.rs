@@ -1,0 +1,322 @@
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use plotters::prelude::Color;
+use plotters::prelude::{BLACK, IntoFont, Rectangle, Text, TextStyle};
+
+use crate::bake::writers::{exr, npz};
+use crate::bake::{Array, Arrays, Phase, components};
+use crate::{Error, Result};
+
+use super::picture::{Decades, colour};
+use super::{Curve, Picture, Plot};
+
+/// Name of the array or channel that tells which pixels have values.
+const COVERAGE: &str = "coverage";
+
+/// The arrays of one file, to be compared.
+#[derive(Clone, Debug)]
+pub struct Results {
+    path: PathBuf,
+    arrays: Arrays,
+    phase: Phase,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Archive,
+    Image,
+}
+
+impl Results {
+    /// Reads a NumPy archive (`.npz`) or an OpenEXR image (`.exr`), whose every channel is an array.
+    ///
+    /// # Errors
+    /// When the file is neither or cannot be read.
+    pub fn read(path: &Path) -> Result<Self> {
+        let (archive, kind) = match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
+            "npz" => (npz::read(path)?, Kind::Archive),
+            "exr" => (exr::read(path)?, Kind::Image),
+            _ => return Err(Error::file(path, "only .npz and .exr files can be compared")),
+        };
+        let phase = archive.provenance.map_or(Phase::Plain, |provenance| provenance.sh_phase);
+        Ok(Self { path: path.to_owned(), arrays: archive.arrays, phase, kind })
+    }
+
+    fn get(&self, name: &str) -> Result<&Array> {
+        self.arrays.get(name).ok_or_else(|| {
+            let names: Vec<_> = self.arrays.iter().map(|array| array.name.as_str()).collect();
+            Error::file(&self.path, format!("has no array {name}; it has {}", names.join(", ")))
+        })
+    }
+}
+
+/// How far one array is from its reference, over all values that both files cover.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Name of the array or channel.
+    pub name: String,
+    /// Number of values compared.
+    pub values: usize,
+    /// Root of the mean squared difference.
+    pub rmse: f64,
+    /// Largest absolute difference.
+    pub maximum: f64,
+    /// Where the largest is: the row and component, or the pixel.
+    pub place: String,
+    /// Mean of the signed difference, first file minus second.
+    pub bias: f64,
+    /// `rmse` over the root mean square of the second file's values; none where those are all zero.
+    pub relative: Option<f64>,
+}
+
+/// Differences of a file of results from a second one, the reference.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// One per array, in the first file's order.
+    pub differences: Vec<Difference>,
+    /// Signed differences, for the picture.
+    errors: Vec<Errors>,
+    kind: Kind,
+}
+
+/// Signed differences of one array; none where a file does not cover the pixel.
+#[derive(Clone, Debug)]
+struct Errors {
+    name: String,
+    shape: Vec<usize>,
+    values: Vec<Option<f64>>,
+}
+
+impl Comparison {
+    /// Compares the arrays called `names`, or all if there are none, of `a` with those of the reference `b`.
+    ///
+    /// Where both files have an array `coverage`, values that one of them does not cover are left out.
+    ///
+    /// # Errors
+    /// When an array is missing in one file or has another shape there, the files are of different kinds, or their
+    /// spherical harmonics follow different phase conventions.
+    pub fn new(a: &Results, b: &Results, names: &[String]) -> Result<Self> {
+        if a.kind != b.kind {
+            return Err(Error::input("a NumPy archive cannot be compared with an image; give two of a kind"));
+        }
+        if a.phase != b.phase {
+            let message = format!("its harmonics are {}, those of {} are {}", a.phase, b.path.display(), b.phase);
+            return Err(Error::file(&a.path, message));
+        }
+        let names: Vec<&str> = if names.is_empty() {
+            // Arrays that only the second file has are asked for as well, and found missing in the first.
+            let missing = b.arrays.iter().filter(|array| a.arrays.get(&array.name).is_none());
+            a.arrays.iter().chain(missing).map(|array| array.name.as_str()).collect()
+        } else {
+            names.iter().map(String::as_str).collect()
+        };
+        let mut comparison = Self { differences: Vec::new(), errors: Vec::new(), kind: a.kind };
+        for name in names {
+            let (ours, theirs) = (a.get(name)?, b.get(name)?);
+            if ours.shape != theirs.shape {
+                let message =
+                    format!("array {name} has shape {:?}, in {} {:?}", ours.shape, b.path.display(), theirs.shape);
+                return Err(Error::file(&a.path, message));
+            }
+            let errors = Errors::new(ours, theirs, [a.arrays.get(COVERAGE), b.arrays.get(COVERAGE)]);
+            comparison.differences.push(errors.difference(ours, theirs, a.kind));
+            comparison.errors.push(errors);
+        }
+        Ok(comparison)
+    }
+
+    /// The array with the largest RMSE.
+    pub fn worst(&self) -> Option<&Difference> {
+        self.differences.iter().max_by(|a, b| a.rmse.total_cmp(&b.rmse))
+    }
+
+    /// Draws the differences. Images: one panel per group of channels (`sh`, `R G B`, ...) with the root mean square
+    /// over the group in false colour. Archives: for every array the share of values whose error exceeds a bound, over
+    /// that bound.
+    ///
+    /// # Errors
+    /// When the extension is not `.png` (archives: `.png` or `.svg`), or the file cannot be written.
+    pub fn write_picture(&self, path: &Path) -> Result<()> {
+        match self.kind {
+            Kind::Archive => self.plot().write(path),
+            Kind::Image if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) => {
+                self.panels()?.write(path)
+            }
+            Kind::Image => Err(Error::file(path, "a difference picture is written as .png")),
+        }
+    }
+
+    fn plot(&self) -> Plot {
+        let curve = |errors: &Errors| {
+            let mut sizes: Vec<f64> = errors.values.iter().flatten().map(|error| error.abs()).collect();
+            sizes.sort_by(|a, b| b.total_cmp(a));
+            let count = sizes.len() as f64;
+            // A thousand points are more than the plot has pixels for.
+            let step = sizes.len().div_ceil(1000).max(1);
+            let points = (0..sizes.len()).step_by(step).map(|i| (sizes[i], (i + 1) as f64 / count)).collect();
+            Curve { name: errors.name.clone(), points }
+        };
+        Plot {
+            title: "Share of values with a larger difference".into(),
+            x: "absolute difference".into(),
+            y: "share".into(),
+            curves: self.errors.iter().map(curve).collect(),
+        }
+    }
+
+    fn panels(&self) -> Result<Picture> {
+        let mut groups: Vec<(String, Vec<&Errors>)> = Vec::new();
+        for errors in &self.errors {
+            let name = match errors.name.split_once('.') {
+                Some((stem, _)) => stem,
+                None if matches!(errors.name.as_str(), "R" | "G" | "B") => "R G B",
+                None => &errors.name,
+            };
+            match groups.iter_mut().find(|group| group.0 == name) {
+                Some(group) => group.1.push(errors),
+                None => groups.push((name.to_owned(), vec![errors])),
+            }
+        }
+        let panels = groups.iter().map(|(name, channels)| panel(name, channels)).collect::<Result<Vec<_>>>()?;
+        let columns = (1..).find(|n| n * n >= panels.len()).unwrap_or(1);
+        let width = panels.iter().map(Picture::width).max().unwrap_or(1);
+        let height = panels.iter().map(Picture::height).max().unwrap_or(1);
+        let rows = panels.len().div_ceil(columns).max(1);
+        let mut picture = Picture::filled(columns * width, rows * height, [255; 3]);
+        for (i, panel) in panels.iter().enumerate() {
+            picture.paste(panel, i % columns * width, i / columns * height);
+        }
+        Ok(picture)
+    }
+}
+
+impl fmt::Display for Comparison {
+    /// A table with one line per array.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let longest = |column: fn(&Difference) -> usize, head: usize| {
+            self.differences.iter().map(column).max().unwrap_or(0).max(head)
+        };
+        let (name, place) = (longest(|d| d.name.len(), 5), longest(|d| d.place.len(), 5));
+        writeln!(
+            f,
+            "{:name$} {:>10} {:>9} {:>9}  {:place$} {:>10} {:>9}",
+            "array", "values", "RMSE", "maximum", "where", "bias", "relative"
+        )?;
+        for d in &self.differences {
+            let relative = d.relative.map_or("-".into(), |relative| format!("{relative:.2e}"));
+            writeln!(
+                f,
+                "{:name$} {:>10} {:>9.2e} {:>9.2e}  {:place$} {:>10.2e} {relative:>9}",
+                d.name, d.values, d.rmse, d.maximum, d.place, d.bias
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl Errors {
+    fn new(ours: &Array, theirs: &Array, coverage: [Option<&Array>; 2]) -> Self {
+        let masks = coverage.into_iter().flatten();
+        // Coverage itself, and what is not of its shape, is compared everywhere.
+        let masks = masks.filter(|mask| ours.name != COVERAGE && ours.shape.starts_with(&mask.shape));
+        let masks: Vec<_> = masks.map(|mask| (mask, ours.data.len() / mask.data.len().max(1))).collect();
+        let covered = |i: usize| masks.iter().all(|(mask, stride)| mask.data[i / stride] > 0.0);
+        let pairs = ours.data.iter().zip(&theirs.data).enumerate();
+        let values = pairs.map(|(i, (a, b))| covered(i).then_some(a - b)).collect();
+        Self { name: ours.name.clone(), shape: ours.shape.clone(), values }
+    }
+
+    fn difference(&self, ours: &Array, theirs: &Array, kind: Kind) -> Difference {
+        let covered = || self.values.iter().enumerate().filter_map(|(i, error)| Some((i, (*error)?)));
+        let values = covered().count();
+        let mean = |sum: f64| sum / values.max(1) as f64;
+        let rmse = mean(covered().map(|(_, error)| error * error).sum()).sqrt();
+        let magnitude = mean(covered().map(|(i, _)| theirs.data[i].powi(2)).sum()).sqrt();
+        // The first of equals.
+        let largest = covered().fold(None, |largest: Option<(usize, f64)>, (i, error)| match largest {
+            Some((_, size)) if size >= error.abs() => largest,
+            _ => Some((i, error.abs())),
+        });
+        Difference {
+            name: self.name.clone(),
+            values,
+            rmse,
+            maximum: largest.map_or(0.0, |largest| largest.1),
+            place: largest.map_or_else(String::new, |(i, _)| place(ours, i, kind)),
+            bias: mean(covered().map(|(_, error)| error).sum()),
+            relative: if rmse == 0.0 { Some(0.0) } else { (magnitude > 0.0).then(|| rmse / magnitude) },
+        }
+    }
+}
+
+/// Where `array.data[flat]` is, in words.
+fn place(array: &Array, flat: usize, kind: Kind) -> String {
+    let index = array.index(flat);
+    match (kind, index.as_slice()) {
+        (Kind::Image, [y, x]) => format!("pixel {x},{y}"),
+        (_, []) => String::new(),
+        (_, [row]) => format!("row {row}"),
+        (_, [row, ..]) => {
+            let components = components(array, 1);
+            format!("row {row}, {}", components[flat % components.len()])
+        }
+    }
+}
+
+/// Height of a line of text, and of the colour bar.
+const LINE: usize = 20;
+/// Panels are magnified to at least this many pixels, so that their text fits.
+const LEAST: usize = 240;
+/// Images are reduced to at most this many pixels a side.
+const MOST: usize = 1024;
+
+/// Root mean square over `channels` in false colour, with title and colour bar.
+fn panel(name: &str, channels: &[&Errors]) -> Result<Picture> {
+    let [height, width] = channels[0].shape[..] else {
+        return Err(Error::input(format!("channel {name} is no image")));
+    };
+    let square = |i: usize| -> Option<f64> {
+        let squares = channels.iter().map(|errors| errors.values[i].map(|error| error * error));
+        Some((squares.sum::<Option<f64>>()? / channels.len() as f64).sqrt())
+    };
+    let values: Vec<Option<f64>> = (0..width * height).map(square).collect();
+    let greatest = values.iter().flatten().copied().fold(0.0, f64::max);
+    let scale = Decades { greatest };
+
+    // Reduced by keeping the worst of every block: a single bad pixel stays visible.
+    let reduce = width.max(height).div_ceil(MOST).max(1);
+    let magnify = LEAST.div_ceil(width).max(1);
+    let (shown_width, shown_height) = (width.div_ceil(reduce) * magnify, height.div_ceil(reduce) * magnify);
+    let worst = |x: usize, y: usize| {
+        let rows = y * reduce..((y + 1) * reduce).min(height);
+        let block = rows.flat_map(|y| (x * reduce..((x + 1) * reduce).min(width)).map(move |x| (x, y)));
+        block.filter_map(|(x, y)| values[y * width + x]).reduce(f64::max)
+    };
+    let shown: Vec<_> =
+        (0..shown_width * shown_height).map(|i| worst(i % shown_width / magnify, i / shown_width / magnify)).collect();
+
+    let mut picture = Picture::filled(shown_width + LINE, shown_height + 4 * LINE, [255; 3]);
+    picture.paste(&Picture::false_colour(shown_width, shown_height, &shown, scale), LINE / 2, LINE + LINE / 2);
+    picture.draw(|area| {
+        let style = TextStyle::from(("sans-serif", 14).into_font()).color(&BLACK);
+        let left = LINE as i32 / 2;
+        let below = (shown_height + 2 * LINE) as i32;
+        area.draw(&Text::new(name.to_owned(), (left, left), style.clone()))?;
+        if greatest == 0.0 {
+            area.draw(&Text::new("no difference", (left, below), style))?;
+            return Ok(());
+        }
+        for x in 0..shown_width as i32 {
+            let fill = colour(f64::from(x) / shown_width as f64).filled();
+            area.draw(&Rectangle::new([(left + x, below), (left + x + 1, below + LINE as i32 / 2)], fill))?;
+        }
+        let label = |x: f64| format!("{x:.1e}");
+        let numbers = below + 3 * LINE as i32 / 4;
+        area.draw(&Text::new(label(scale.least()), (left, numbers), style.clone()))?;
+        area.draw(&Text::new(label(greatest), (left + shown_width as i32 - 56, numbers), style))?;
+        Ok(())
+    })?;
+    Ok(picture)
+}
