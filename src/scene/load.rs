@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use super::{Mesh, obj};
+use super::{Mesh, gltf, obj, ply};
 use crate::{Error, Result};
 
 /// Reads the meshes of a file by its extension: `.obj`, `.ply`, `.gltf` or `.glb`, in world space of that file.
@@ -12,6 +12,8 @@ pub fn load_meshes(path: impl AsRef<Path>) -> Result<Vec<Mesh>> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     match extension.as_str() {
         "obj" => obj::load(path),
+        "ply" => ply::load(path).map(|mesh| vec![mesh]),
+        "gltf" | "glb" => gltf::load(path),
         _ => Err(Error::file(path, "not a mesh by its extension; known are .obj, .ply, .gltf and .glb")),
     }
 }
