@@ -229,3 +229,135 @@ enum Receivers {
     Pixels,
     Points(PathBuf),
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Scene> {
+        read(text, Path::new("folder/scene.toml"))
+    }
+
+    #[track_caller]
+    fn refused(text: &str, line: usize, why: &str) {
+        let message = read_text(text).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("folder/scene.toml:{line}: ")) && message.contains(why), "{message}");
+        assert!(!message.contains('\n'), "{message}");
+    }
+
+    const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+    #[test]
+    fn everything_is_read_relative_to_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        write("triangle.obj", TRIANGLE);
+        write("points.txt", "1 2 3 0 0 1\n");
+        write(
+            "scene.toml",
+            r#"
+            receivers = { points = "points.txt" }
+            [[mesh]]
+            file = "triangle.obj"
+            scale = [2, 3, 1]
+            rotate = { axis = [0, 0, 2], degrees = 90 }
+            translate = [10, 0, 0]
+            albedo = 0.25
+            name = "left"
+            [[mesh]]
+            file = "triangle.obj"
+            [environment]
+            constant = [1, 2, 3]
+            up = "z"
+            rotation = 90
+            [camera]
+            position = [0, 0, 5]
+            look_at = [0, 0, 0]
+            resolution = [4, 3]
+            "#,
+        );
+        let scene = Scene::load(folder.path().join("scene.toml")).unwrap();
+        let expected = [[10.0, 0.0, 0.0], [10.0, 2.0, 0.0], [7.0, 0.0, 0.0]].map(Vec3::from_array);
+        for (position, expected) in scene.geometry.positions.iter().zip(expected) {
+            assert!(position.distance(expected) < 1e-6, "{position}");
+        }
+        assert_eq!(scene.geometry.meshes, ["left", "unnamed_object"]);
+        assert_eq!(scene.geometry.materials[0], Material { name: "left".into(), albedo: Vec3::splat(0.25) });
+        assert_eq!(scene.geometry.materials[1], Material::default());
+        let environment = scene.environment.unwrap();
+        assert_eq!(environment.uniform(), Some(Vec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(environment.to_scene() * DVec3::Z, DVec3::Y);
+        assert_eq!(scene.camera.unwrap().resolution(), [4, 3]);
+        assert_eq!(
+            scene.receivers,
+            ReceiverSource::Points(vec![Point { position: DVec3::new(1.0, 2.0, 3.0), normal: DVec3::Z }])
+        );
+    }
+
+    #[test]
+    fn mesh_files_are_scenes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("triangle.obj");
+        fs::write(&path, TRIANGLE).unwrap();
+        let scene = Scene::load(&path).unwrap();
+        assert_eq!((scene.geometry.triangles.len(), scene.receivers), (1, ReceiverSource::Vertices));
+        assert!(scene.environment.is_none() && scene.camera.is_none());
+        // The same mesh twice is welded into one.
+        assert_eq!(Scene::from_meshes([&path, &path]).unwrap().geometry.cleaning.duplicate_triangles, 1);
+    }
+
+    #[test]
+    fn empty_scene_is_legal() {
+        assert_eq!(read_text("").unwrap().geometry.triangles.len(), 0);
+    }
+
+    #[test]
+    fn unknown_keys_name_their_line() {
+        refused("\ncolour = 3\n", 2, "unknown field `colour`");
+        refused("[[mesh]]\nshape.teapot = {}\ncolour = 3\n", 3, "unknown field `colour`");
+        refused("[[mesh]]\n\nshape.cone = {}\n", 3, "unknown variant `cone`");
+        refused("[[mesh]]\nshape.box.size = [1, 1, 1]\nshape.box.height = 2\n", 3, "unknown field `height`");
+        refused("[[mesh]]\nshape.room = { opening = \"door\" }\n", 2, "unknown variant `door`");
+        refused("[environment]\nsky = {}\n\ntilt = 3\n", 4, "unknown field `tilt`");
+        refused("[environment]\nsky = { sun = 3 }\n", 2, "unknown field `sun`");
+        refused("[camera]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\nzoom = 2\n", 4, "unknown field `zoom`");
+        refused("receivers = \"texels\"\n", 1, "unknown variant `texels`");
+    }
+
+    #[test]
+    fn bad_values_name_their_line() {
+        refused("[[mesh]\n", 1, "");
+        refused("\n\n[[mesh]]\nname = \"x\"\n", 3, "either a file or a shape");
+        refused("[[mesh]]\nfile = \"a.obj\"\nshape.teapot = {}\n", 1, "either a file or a shape");
+        refused("[[mesh]]\nshape.teapot = {}\nscale = \"big\"\n", 3, "a number or an array of three");
+        refused("[[mesh]]\nshape.teapot = {}\ntranslate = [1, 2]\n", 3, "");
+        refused("[[mesh]]\nshape.teapot = {}\nscale = 0\n", 1, "scale must be");
+        refused("[[mesh]]\nshape.teapot = {}\nrotate = { axis = [0, 0, 0], degrees = 1 }\n", 1, "rotate needs");
+        refused("[[mesh]]\nshape.teapot = {}\ntranslate = [0, nan, 0]\n", 1, "translate must be finite");
+        refused("[[mesh]]\nshape.teapot = {}\nscale = 1e20\n", 1, "accepted range");
+        refused("[[mesh]]\nshape.teapot = {}\nalbedo = 2\n", 1, "albedo");
+        refused("[[mesh]]\nshape.teapot = { divisions = 0 }\n", 1, "teapot: ");
+        refused("[environment]\nup = \"y\"\n", 1, "one of file, sky and constant");
+        refused("[environment]\nup = \"w\"\nconstant = 1\n", 2, "unknown variant `w`");
+        refused("[environment]\nconstant = -1\n", 1, "not negative");
+        refused("[environment]\nconstant = 1\nrotation = inf\n", 1, "rotation");
+        refused("[environment]\nsky = { turbidity = 0 }\n", 1, "turbidity");
+        refused("[camera]\nposition = [0, 0, 1]\n", 1, "look_at");
+        refused("\n[camera]\nposition = [0, 0, 1]\nlook_at = [0, 0, 1]\n", 2, "where the camera stands");
+        refused("receivers = \"pixels\"\n", 1, "needs a [camera]");
+    }
+
+    #[test]
+    fn files_that_fail_name_themselves() {
+        for (text, file) in [
+            ("[[mesh]]\nfile = \"missing.obj\"\n", "folder/missing.obj: "),
+            ("[environment]\nfile = \"missing.exr\"\n", "folder/missing.exr: "),
+            ("[environment]\nfile = \"missing.png\"\n", "folder/missing.png: "),
+            ("receivers.points = \"missing.npy\"\n", "folder/missing.npy: "),
+        ] {
+            let message = read_text(text).unwrap_err().to_string();
+            assert!(message.starts_with(file), "{message}");
+        }
+        assert!(Scene::load("missing.toml").unwrap_err().to_string().starts_with("missing.toml: "));
+    }
+}
