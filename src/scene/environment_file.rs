@@ -67,3 +67,110 @@ fn load_hdr(path: &Path) -> Result<Pixels> {
 fn one_line(error: impl ToString) -> String {
     error.to_string().replace('\n', " ")
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use exr::prelude::*;
+
+    use super::*;
+
+    fn pixel(x: usize, y: usize) -> Vec3 {
+        Vec3::new(x as f32, y as f32, 0.25) * 0.5
+    }
+
+    /// Writes a 6 x 3 image whose channels have these names.
+    fn write_exr(path: &Path, names: [&str; 3], compression: Compression) {
+        let size = Vec2(6, 3);
+        let channel = |(k, name): (usize, &str)| {
+            let samples = (0..18).map(|i| pixel(i % 6, i / 6)[k]).collect();
+            AnyChannel::new(name, FlatSamples::F32(samples))
+        };
+        let channels = AnyChannels::sort(names.into_iter().enumerate().map(channel).collect());
+        let encoding = Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+        let layer = Layer::new(size, LayerAttributes::named("light"), encoding, channels);
+        Image::from_layer(layer).write().to_file(path).unwrap();
+    }
+
+    #[test]
+    fn exr_pixels_arrive_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("light.exr");
+        for compression in [Compression::Uncompressed, Compression::ZIP16, Compression::PIZ, Compression::RLE] {
+            for names in [["R", "G", "B"], ["View.Combined.R", "View.Combined.G", "View.Combined.B"]] {
+                write_exr(&path, names, compression);
+                let image = Environment::load(&path).unwrap();
+                assert_eq!((image.width(), image.height()), (6, 3));
+                for (i, l) in image.pixels().iter().enumerate() {
+                    assert_eq!(*l, pixel(i % 6, i / 6));
+                }
+            }
+        }
+        write_exr(&path, ["Z", "Y", "X"], Compression::ZIP1);
+        assert_eq!(Environment::load(&path).unwrap().pixels()[9], Vec3::splat(0.5));
+    }
+
+    #[test]
+    fn hdr_pixels_arrive_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("light.hdr");
+        // A power of two, halves and quarters are exact in shared-exponent pixels.
+        let pixels: Vec<image::Rgb<f32>> = (0..18).map(|i| image::Rgb(pixel(i % 6, i / 6).to_array())).collect();
+        image::codecs::hdr::HdrEncoder::new(fs::File::create(&path).unwrap()).encode(&pixels, 6, 3).unwrap();
+        let image = Environment::load(&path).unwrap();
+        assert_eq!((image.width(), image.height()), (6, 3));
+        for (i, l) in image.pixels().iter().enumerate() {
+            // One of 256 steps of the brightest colour.
+            assert!(l.distance(pixel(i % 6, i / 6)) <= pixel(i % 6, i / 6).max_element() / 64.0);
+        }
+    }
+
+    #[test]
+    fn bad_images_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |name: &str, why: &str| {
+            let path = folder.path().join(name);
+            let message = Environment::load(&path).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("{}: ", path.display())) && message.contains(why), "{message}");
+            assert!(!message.contains('\n'), "{message}");
+        };
+        let path = folder.path().join("light.exr");
+        refused("light.exr", "");
+        write_exr(&path, ["U", "V", "W"], Compression::ZIP16);
+        refused("light.exr", "R, G and B, or Y");
+        write_exr(&path, ["R", "G", "B"], Compression::ZIP16);
+        let whole = fs::read(&path).unwrap();
+        for length in [0, 4, 100, whole.len() / 2, whole.len() - 1] {
+            fs::write(&path, &whole[..length]).unwrap();
+            refused("light.exr", "");
+        }
+        fs::write(folder.path().join("light.hdr"), b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 3 +X 6\n12").unwrap();
+        refused("light.hdr", "");
+        fs::write(folder.path().join("light.hdr"), b"not an image").unwrap();
+        refused("light.hdr", "");
+        fs::write(folder.path().join("light.png"), b"").unwrap();
+        refused("light.png", "known are .exr and .hdr");
+    }
+
+    #[test]
+    fn windows_that_differ_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("light.exr");
+        let channels = SpecificChannels::rgb(|_: Vec2<usize>| (1f32, 1f32, 1f32));
+        let attributes = LayerAttributes::named("light").with_position(Vec2(1, 0));
+        let layer = Layer::new((4, 2), attributes, Encoding::default(), channels);
+        let whole = ImageAttributes::new(IntegerBounds::from_dimensions((6, 3)));
+        Image::empty(whole).with_layer(layer).write().to_file(&path).unwrap();
+        assert!(Environment::load(&path).unwrap_err().to_string().contains("display window"));
+    }
+
+    #[test]
+    fn light_that_is_none_names_its_pixel() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("light.exr");
+        write_rgb_file(&path, 4, 2, |x, y| (1f32, if (x, y) == (3, 1) { f32::INFINITY } else { 1.0 }, 1f32)).unwrap();
+        let message = Environment::load(&path).unwrap_err().to_string();
+        assert!(message.contains("light.exr: radiance of pixel (3, 1) is (1, inf, 1)"), "{message}");
+    }
+}

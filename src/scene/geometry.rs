@@ -165,15 +165,13 @@ pub struct GeometryBuilder {
 }
 
 impl GeometryBuilder {
-    /// Adds a mesh, moved by `transform` (applied in f64, then rounded; the identity changes no bit).
-    ///
-    /// A transform that mirrors also turns the triangles round, so that what was counter-clockwise from outside stays so.
+    /// Adds a mesh, moved as by [`Mesh::transformed`].
     ///
     /// # Errors
     /// A position that is not finite or beyond [`MAX_COORDINATE`], an index out of range, an albedo outside [0, 1]
     /// (each names mesh and element), or more vertices or triangles than 32 bits can count. The builder keeps what it had.
     pub fn add(&mut self, mesh: Mesh, transform: DAffine3) -> Result<()> {
-        let Mesh { name, positions, triangles, material } = mesh;
+        let Mesh { name, positions, triangles, material } = mesh.transformed(transform);
         let base = self.positions.len();
         // Half-edges are counted in 32 bits: three to a triangle.
         let limit = u32::MAX as usize / 3;
@@ -193,22 +191,17 @@ impl GeometryBuilder {
                 material.name, material.albedo
             )));
         }
-        let placed: Vec<Vec3> = positions.iter().map(|&p| transform.transform_point3(p.as_dvec3()).as_vec3()).collect();
-        if let Some(i) = placed.iter().position(|&p| !is_in_range(p)) {
-            return Err(Error::input(format!("mesh `{name}`: vertex {i} {}", out_of_range(placed[i]))));
+        if let Some(i) = positions.iter().position(|&p| !is_in_range(p)) {
+            return Err(Error::input(format!("mesh `{name}`: vertex {i} {}", out_of_range(positions[i]))));
         }
 
         let material = self.material(material);
         let mesh = self.meshes.len() as u32;
         self.meshes.push(name);
-        self.positions.extend(placed);
+        self.positions.extend(positions);
         self.triangle_mesh.resize(self.triangles.len() + triangles.len(), mesh);
         self.triangle_material.resize(self.triangles.len() + triangles.len(), material);
-        let mirrored = transform.matrix3.determinant() < 0.0;
-        self.triangles.extend(triangles.into_iter().map(|t| {
-            let [a, b, c] = t.map(|v| v + base as u32);
-            if mirrored { [a, c, b] } else { [a, b, c] }
-        }));
+        self.triangles.extend(triangles.into_iter().map(|t| t.map(|v| v + base as u32)));
         Ok(())
     }
 

@@ -1,14 +1,18 @@
-//! What is looked at: geometry, environment light, camera, scene files.
+//! What is looked at: geometry, environment light, camera, receivers; loaders, built-in shapes and scene files.
 
+mod builtin;
 mod camera;
 mod environment;
 mod environment_file;
 mod face_tree;
+mod file;
 mod geometry;
+mod gltf;
 mod load;
 mod mesh;
 mod mtl;
 mod obj;
+mod ply;
 mod points;
 mod polygon;
 pub mod shapes;
@@ -22,6 +26,7 @@ use glam::DAffine3;
 pub use camera::Camera;
 pub use environment::{Environment, UpAxis};
 pub use face_tree::FaceTree;
+pub use file::ReceiverSource;
 pub use geometry::{Cleaning, Geometry, GeometryBuilder, MAX_COORDINATE, Material, VertexFaces};
 pub use load::load_meshes;
 pub use mesh::Mesh;
@@ -36,10 +41,61 @@ use crate::{Error, Result};
 pub struct Scene {
     /// All triangles.
     pub geometry: Geometry,
+    /// Light from afar.
+    pub environment: Option<Environment>,
+    /// Who looks.
+    pub camera: Option<Camera>,
+    /// Where light is to be gathered.
+    pub receivers: ReceiverSource,
 }
 
 impl Scene {
-    /// The meshes of files, placed as they are, without light, camera or receivers other than the vertices.
+    /// Reads a scene file (`.toml`) or a single mesh file (as [`load_meshes`]).
+    ///
+    /// # The scene file
+    /// Tables in TOML; paths are relative to the file. All lengths are in the scene's own unit, angles in degrees, y is up
+    /// in the built-in shapes.
+    ///
+    /// ```toml
+    /// receivers = "vertices"             # or "pixels", or { points = "points.npy" }
+    ///
+    /// [[mesh]]                           # any number of them
+    /// file = "bunny.obj"                 # a mesh file, or a built-in shape:
+    /// # shape.torus_knot = { windings = [2, 3], triangles = 4000 }
+    /// name = "bunny"
+    /// scale = 2.0                        # or one factor per axis; then
+    /// rotate = { axis = [0, 1, 0], degrees = 90 }
+    /// translate = [0, 1, 0]              # scaled first, translated last
+    /// albedo = [0.8, 0.5, 0.3]           # or one number; replaces the file's materials
+    ///
+    /// [environment]
+    /// file = "studio.exr"                # or sky = { elevation = 40 }, or constant = 1.0
+    /// up = "y"                           # see Environment::oriented
+    /// rotation = 30
+    ///
+    /// [camera]
+    /// position = [0, 2, 6]
+    /// look_at = [0, 1, 0]
+    /// up = [0, 1, 0]
+    /// fov = 45                           # vertical
+    /// resolution = [640, 480]
+    /// ```
+    ///
+    /// The shapes and their parameters are those of [`shapes`]: `plane`, `box`, `icosphere`, `torus_knot`, `knots`,
+    /// `teapot`, `foliage`, `room`, `building`; the sky's those of [`Sky`].
+    ///
+    /// # Errors
+    /// A file that is missing or malformed, an unknown key or a value out of its domain: the line is named. As
+    /// [`load_meshes`], [`Environment::load`] and [`load_points`] for the files it names.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        match path.extension() {
+            Some(extension) if extension.eq_ignore_ascii_case("toml") => file::load(path),
+            _ => Self::from_meshes([path]),
+        }
+    }
+
+    /// The meshes of files, placed as they are, without light or camera; the receivers are the vertices.
     ///
     /// # Errors
     /// As [`load_meshes`] and [`GeometryBuilder::add`].
@@ -50,6 +106,19 @@ impl Scene {
                 builder.add(mesh, DAffine3::IDENTITY).map_err(|e| Error::file(&path, e))?;
             }
         }
-        Ok(Self { geometry: builder.build() })
+        Ok(Self { geometry: builder.build(), environment: None, camera: None, receivers: ReceiverSource::Vertices })
+    }
+
+    /// A built-in scene by its name, one of [`Scene::builtin_names`].
+    ///
+    /// # Errors
+    /// An unknown name; the message lists the known ones.
+    pub fn builtin(name: &str) -> Result<Self> {
+        builtin::scene(name)
+    }
+
+    /// Names of the built-in scenes: `default`, and those of the benchmarks.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        builtin::names()
     }
 }

@@ -20,7 +20,7 @@ use crate::{Error, Result};
 /// Each names the line: malformed statements, coordinates that are not finite or out of range, faces of fewer than
 /// three corners or with an index out of range, a missing or malformed library, a material that no library defines.
 /// A file without faces is an error too.
-pub fn load(path: &Path) -> Result<Vec<Mesh>> {
+pub(super) fn load(path: &Path) -> Result<Vec<Mesh>> {
     let file = File::open(path).map_err(|e| Error::file(path, e))?;
     let library = MaterialLibrary::new(path);
     let line = Cell::new(0);

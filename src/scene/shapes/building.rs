@@ -1,4 +1,4 @@
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 
 use super::super::Mesh;
@@ -39,9 +39,7 @@ impl Building {
             let room = Room { seed: self.room.seed.wrapping_add(u64::from(i)), ..self.room.clone() }.mesh()?;
             let middle = |i: u32, n: u32, size: f64| (size + self.wall) * (f64::from(i) - 0.5 * f64::from(n - 1));
             let place = DVec3::new(middle(i % columns, columns, x), 0.0, middle(i / columns, rows, z));
-            let base = mesh.positions.len() as u32;
-            mesh.positions.extend(room.positions.iter().map(|&p| (p.as_dvec3() + place).as_vec3()));
-            mesh.triangles.extend(room.triangles.iter().map(|t| t.map(|v| base + v)));
+            mesh.append(&room.transformed(DAffine3::from_translation(place)));
         }
         Ok(mesh)
     }

@@ -1,4 +1,4 @@
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use serde::Deserialize;
 
 use super::super::Mesh;
@@ -50,9 +50,7 @@ impl Knots {
                 let place = DVec3::new(middle(column, self.columns), radius + 0.1, middle(row, self.rows));
                 let axis = random.in_ball().normalize_or(DVec3::Y);
                 let turn = DQuat::from_axis_angle(axis, random.between(0.0, std::f64::consts::TAU));
-                let base = mesh.positions.len() as u32;
-                mesh.positions.extend(knot.positions.iter().map(|&p| (place + turn * p.as_dvec3()).as_vec3()));
-                mesh.triangles.extend(knot.triangles.iter().map(|t| t.map(|v| base + v)));
+                mesh.append(&knot.clone().transformed(DAffine3::from_rotation_translation(turn, place)));
             }
         }
         Ok(mesh)

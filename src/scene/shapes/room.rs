@@ -68,15 +68,12 @@ impl Room {
             let middle = cell * DVec3::new(f64::from(i % 4) - 1.5, 0.0, f64::from(i / 4) - 1.0);
             let turn = DQuat::from_rotation_y(random.between(0.0, std::f64::consts::TAU));
             let place = DAffine3::from_rotation_translation(turn, middle + (gap + height / 2.0) * DVec3::Y);
-            append(&mut mesh, &shape, place);
+            mesh.append(&shape.transformed(place));
             if i % 3 == 1 || i == 6 {
                 let radius = reach.min((size.y - height) / 2.0) * random.between(0.4, 0.6);
                 let centre = middle + (height + radius + 2.0 * gap) * DVec3::Y;
-                append(
-                    &mut mesh,
-                    &sphere,
-                    DAffine3::from_translation(centre) * DAffine3::from_scale(DVec3::splat(radius)),
-                );
+                let place = DAffine3::from_scale_rotation_translation(DVec3::splat(radius), DQuat::IDENTITY, centre);
+                mesh.append(&sphere.clone().transformed(place));
             }
         }
         Ok(mesh)
@@ -98,12 +95,6 @@ impl Room {
         }
         mesh
     }
-}
-
-fn append(mesh: &mut Mesh, part: &Mesh, place: DAffine3) {
-    let base = mesh.positions.len() as u32;
-    mesh.positions.extend(part.positions.iter().map(|&p| place.transform_point3(p.as_dvec3()).as_vec3()));
-    mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|v| base + v)));
 }
 
 #[cfg(test)]
