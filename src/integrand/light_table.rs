@@ -1,4 +1,5 @@
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::scene::Environment;
 use crate::visibility::{Interval, Isolines, cycle};
@@ -27,25 +28,25 @@ impl LightTable {
         let most = MEMORY / (lines * 4 * size_of::<[f64; 9]>());
         let cells = (lines / 2).max(64).min(most.max(16));
         let mut axes = [(); 3].map(|()| vec![[0.0; 9]; lines * 4 * (cells + 1)]);
-        let patches = (4 * lines).div_ceil(environment.height()).clamp(1, 16);
-        for (moment, radiance) in environment.patches(patches) {
-            let added: [f64; 9] = std::array::from_fn(|i| f64::from(radiance[i / 3]) * moment[i % 3]);
-            for (axis, sums) in axes.iter_mut().enumerate() {
+        let patches = (3 * lines).div_ceil(environment.height()).clamp(1, 12);
+        axes.par_iter_mut().enumerate().for_each(|(axis, sums)| {
+            for (moment, radiance) in environment.patches(patches) {
+                let added: [f64; 9] = std::array::from_fn(|i| f64::from(radiance[i / 3]) * moment[i % 3]);
                 let (arc, fraction) = place(lines, cycle(moment, axis));
                 let cell = ((fraction * cells as f64) as usize).min(cells - 1);
                 let sum = &mut sums[arc * (cells + 1) + cell + 1];
                 sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
             }
-        }
-        for arc in axes.iter_mut().flat_map(|sums| sums.chunks_mut(cells + 1)) {
-            let mut total = [0.0; 9];
-            for sum in arc {
-                for (total, sum) in total.iter_mut().zip(sum) {
-                    *total += *sum;
-                    *sum = *total;
+            for arc in sums.chunks_mut(cells + 1) {
+                let mut total = [0.0; 9];
+                for sum in arc {
+                    for (total, sum) in total.iter_mut().zip(sum) {
+                        *total += *sum;
+                        *sum = *total;
+                    }
                 }
             }
-        }
+        });
         Self { cells, axes }
     }
 

@@ -25,7 +25,8 @@ pub struct PixelDistribution {
 }
 
 impl PixelDistribution {
-    /// The distribution of an environment's power: luminance (the mean of its colours) times solid angle.
+    /// The distribution of an environment's power: the sum of its colours (without sign: lossy files hold small
+    /// negative values) times solid angle.
     ///
     /// # Errors
     /// [`Error::Input`] if the sum is not finite.
@@ -35,7 +36,7 @@ impl PixelDistribution {
             .pixels()
             .iter()
             .enumerate()
-            .map(|(i, radiance)| f64::from(radiance.element_sum()) * environment.solid_angle(i / width))
+            .map(|(i, radiance)| f64::from(radiance.abs().element_sum()) * environment.solid_angle(i / width))
             .collect();
         // The image's first column begins at -z, its columns go on towards +x, and its top is +y.
         let columns = DMat3::from_cols(DVec3::NEG_Z, DVec3::X, DVec3::Y);

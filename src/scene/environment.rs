@@ -47,7 +47,8 @@ impl Environment {
     /// An environment from its pixels, row by row from the top left, y up and not rotated.
     ///
     /// # Errors
-    /// No pixels, a number of pixels that does not fit, radiance that is negative or not finite (the pixel is named).
+    /// No pixels, a number of pixels that does not fit, radiance that is not finite (the pixel is named). Slightly
+    /// negative radiance, which lossy compression leaves behind, is taken as it is.
     pub fn new(width: usize, height: usize, radiance: impl Into<Arc<[Vec3]>>) -> Result<Self> {
         let radiance = radiance.into();
         if radiance.is_empty() || width.checked_mul(height) != Some(radiance.len()) {
@@ -56,11 +57,10 @@ impl Environment {
                 radiance.len()
             )));
         }
-        let is_light = |l: &Vec3| l.is_finite() && l.cmpge(Vec3::ZERO).all();
-        if let Some(i) = radiance.iter().position(|l| !is_light(l)) {
+        if let Some(i) = radiance.iter().position(|l| !l.is_finite()) {
             let ([x, y], l) = ([i % width, i / width], radiance[i]);
             return Err(Error::input(format!(
-                "radiance of pixel ({x}, {y}) is ({}, {}, {}); it must be finite and not negative",
+                "radiance of pixel ({x}, {y}) is ({}, {}, {}); it must be finite",
                 l.x, l.y, l.z
             )));
         }
@@ -72,6 +72,9 @@ impl Environment {
     /// # Errors
     /// Radiance that is negative or not finite.
     pub fn constant(radiance: Vec3) -> Result<Self> {
+        if radiance.cmplt(Vec3::ZERO).any() {
+            return Err(Error::input(format!("the environment's radiance is {radiance}; it must not be negative")));
+        }
         Self::new(1, 1, vec![radiance])
     }
 
@@ -174,14 +177,16 @@ impl Environment {
     /// exactly (as a direction: where it lies; its solid angle is a little larger than its length), and its radiance.
     pub fn patches(&self, split: usize) -> impl Iterator<Item = (DVec3, Vec3)> {
         let (columns, rows) = (self.width * split, self.height * split);
+        let edge = |edge: usize| (PI * (1.0 - 2.0 * edge as f64 / columns as f64)).sin_cos();
+        let longitudes: Arc<[(f64, f64)]> = (0..=columns).map(edge).collect();
         (0..rows).flat_map(move |row| {
+            let longitudes = longitudes.clone();
             let [top, bottom] = [row, row + 1].map(|edge| (PI * (0.5 - edge as f64 / rows as f64)).sin_cos());
             // Integrals over the latitudes of cos^2 and of sin cos.
             let squared = 0.5 * (PI / rows as f64 + top.0 * top.1 - bottom.0 * bottom.1);
             let mixed = 0.5 * (top.0 * top.0 - bottom.0 * bottom.0);
             (0..columns).map(move |column| {
-                let [left, right] =
-                    [column, column + 1].map(|edge| (PI * (1.0 - 2.0 * edge as f64 / columns as f64)).sin_cos());
+                let (left, right) = (longitudes[column], longitudes[column + 1]);
                 let moment = DVec3::new(
                     squared * (right.1 - left.1),
                     mixed * TAU / columns as f64,
@@ -295,8 +300,24 @@ mod tests {
     }
 
     #[test]
+    fn patches_add_up_to_the_vector_irradiance_of_their_pixels() {
+        let pixels: Vec<Vec3> = (0..12).map(|i| Vec3::new(1.0, i as f32, (i * i) as f32)).collect();
+        let image = Environment::new(4, 3, pixels).unwrap().oriented(UpAxis::Z, 33.0).unwrap();
+        let total = |split| image.patches(split).map(|(w, l)| w * f64::from(l.y)).sum::<DVec3>();
+        // One whole row: no moment but along its axis, 2 pi times the integral of sin cos over its latitudes.
+        let top: DVec3 = image.patches(1).take(4).map(|(w, _)| w).sum();
+        assert!(top.distance(image.to_scene() * DVec3::Y * (PI * 0.75)) < 1e-14);
+        assert!(total(1).distance(total(7)) < 1e-13);
+        let (w, l) = image.patches(8).nth(8 * 4 * 10 + 19).unwrap();
+        assert_eq!(image.radiance(w), l);
+        // In the row on the equator, where a patch of 11 by 7.5 degrees is as wide as it is high.
+        let middle = image.solid_angle(1) * (PI / 48.0).cos() / 64.0;
+        assert!((w.length() / middle - 1.0).abs() < 0.15);
+    }
+
+    #[test]
     fn bad_pixels_are_named() {
-        for bad in [f32::NAN, f32::INFINITY, -1e-3] {
+        for bad in [f32::NAN, f32::INFINITY] {
             let mut pixels = vec![Vec3::ONE; 6];
             pixels[4].z = bad;
             let message = Environment::new(3, 2, pixels).unwrap_err().to_string();
@@ -304,6 +325,7 @@ mod tests {
         }
         assert!(Environment::new(3, 2, vec![Vec3::ONE; 5]).is_err());
         assert!(Environment::new(0, 0, vec![]).is_err());
+        assert!(Environment::new(1, 1, vec![Vec3::splat(-1e-3)]).is_ok());
         assert!(Environment::constant(Vec3::NEG_ONE).is_err());
     }
 }
