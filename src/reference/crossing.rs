@@ -80,11 +80,8 @@ fn exact_sign(d: DVec3, a: DVec3, b: DVec3) -> bool {
         |i: usize, j: usize| orient2d(Coord { x: a[i], y: a[j] }, Coord { x: b[i], y: b[j] }, Coord { x: 0.0, y: 0.0 });
     // d, then the perturbation's axes by falling size. All are zero for an edge in line with the origin: its triangles are
     // seen edge-on and their other two edges decide, unless the origin lies on the edge itself.
-    let terms: [&dyn Fn() -> f64; 4] =
-        [&|| orient3d(point(d), point(a), point(b), point(DVec3::ZERO)), &|| minor(1, 2), &|| minor(2, 0), &|| {
-            minor(0, 1)
-        }];
-    terms.into_iter().map(|term| term()).find(|&value| value != 0.0).is_none_or(|value| value > 0.0)
+    let terms = [orient3d(point(d), point(a), point(b), point(DVec3::ZERO)), minor(1, 2), minor(2, 0), minor(0, 1)];
+    terms.into_iter().find(|&term| term != 0.0).is_none_or(|term| term > 0.0)
 }
 
 #[cfg(test)]

@@ -4,10 +4,13 @@ mod crossing;
 #[cfg(test)]
 mod fixtures;
 mod pixel_distribution;
-pub mod qmc;
+mod qmc;
 mod rays;
+mod request;
 mod sobol;
 
 pub use pixel_distribution::PixelDistribution;
+pub use qmc::Qmc;
 pub use rays::{Hit, RayScene};
+pub use request::{Columns, Estimates, Light, Receiver, Request};
 pub use sobol::Sobol;

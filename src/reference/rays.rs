@@ -407,6 +407,13 @@ mod tests {
     fn closed_meshes_have_no_cracks() {
         let outside = [DVec3::new(3.0, 0.0, 0.0), DVec3::new(1.5, -2.0, 0.7), DVec3::new(0.0, 0.0, 50.0)];
         assert_watertight(&cuboid(Vec3::splat(-0.5), Vec3::splat(0.5)), DVec3::ZERO, &outside);
+        // Rays along the axes meet its vertices, and its edges lie in the planes of the axes.
+        let poles = DVec3::AXES.into_iter().flat_map(|axis| [axis.as_vec3(), -axis.as_vec3()]).collect();
+        let octants = (0..8u32).map(|k| {
+            let [x, y, z] = [k & 1, 2 + (k >> 1 & 1), 4 + (k >> 2)];
+            if k.count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] }
+        });
+        assert_watertight(&geometry(poles, octants.collect()), DVec3::ZERO, &outside);
         assert_watertight(&sphere(Vec3::ZERO, 1.0, 16), DVec3::ZERO, &outside);
         assert_watertight(&sphere(Vec3::new(0.3, 0.1, -0.2), 0.7, 23), DVec3::new(0.25, 0.15, -0.1), &outside);
     }
