@@ -1,8 +1,8 @@
 //! Does a ray cross a triangle: watertight, and with a definite answer on edges and vertices.
 //!
-//! All questions are signs of edge functions d.(A x B), with A and B the ends of an edge minus the ray's origin (rounded
-//! once to f64 a vertex, hence equally for all triangles that share it) and d the direction. The signs are exact: a
-//! floating-point filter, then expansion arithmetic (Shewchuk 1997). A ray that meets an edge or a vertex exactly is
+//! The questions are signs of edge functions d.(A x B), with A and B the ends of an edge minus the ray's origin (rounded to
+//! f64 once a vertex, hence alike for all triangles that share it) and d the direction. The signs are exact, by a
+//! floating-point filter and then expansion arithmetic (Shewchuk 1997), so the triangles of an edge agree on them. A ray that meets an edge or a vertex exactly is
 //! decided as if its direction were d + (e, e^2, e^3) with an infinitesimal e (simulation of simplicity, Edelsbrunner and
 //! Muecke 1990), the same for all triangles, so that a closed surface is crossed an even number of times from outside.
 
@@ -13,15 +13,11 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 /// product, one of their difference, one of the product with d, two of the sum, and the second order: below 7 units.
 const EDGE_ERROR: f64 = 8.0 * 0.5 * f64::EPSILON;
 
-/// A triangle ready to be crossed.
+/// A triangle to be crossed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Triangle {
-    /// Corners by ascending vertex index: an edge has the same direction in all its triangles.
-    corners: [[f32; 3]; 3],
-    /// Where the first, second and third corner of the winding stand in `corners`.
-    winding: [u8; 3],
-    /// Whether the winding is an odd permutation of `corners`.
-    odd: bool,
+    /// Positions in the order of the winding.
+    pub corners: [[f32; 3]; 3],
     /// Index of the face.
     pub face: u32,
 }
@@ -36,42 +32,32 @@ pub(super) struct Crossing {
 }
 
 impl Triangle {
-    pub fn new(face: u32, vertices: [u32; 3], position: impl Fn(u32) -> [f32; 3]) -> Self {
-        let mut slots = [0u8, 1, 2];
-        slots.sort_by_key(|&k| vertices[usize::from(k)]);
-        let mut winding = [0; 3];
-        (0u8..).zip(slots).for_each(|(slot, k)| winding[usize::from(k)] = slot);
-        let odd = !matches!(winding, [0, 1, 2] | [1, 2, 0] | [2, 0, 1]);
-        Self { corners: slots.map(|k| position(vertices[usize::from(k)])), winding, odd, face }
-    }
-
     /// The crossing of the ray from `origin` along the unit vector `direction`, if any, at t >= 0.
     ///
     /// A triangle whose plane holds the origin counts as seen from its positive side, as everywhere in this library: it is
     /// crossed by rays that leave the plane against its normal.
     #[inline]
     pub fn cross(&self, origin: DVec3, direction: DVec3) -> Option<Crossing> {
-        let points = self.corners.map(|c| DVec3::from(c.map(f64::from)));
-        let [a, b, c] = points.map(|p| p - origin);
-        let [la, lb, lc] = [a, b, c].map(|p| p.x.abs() + p.y.abs() + p.z.abs());
-        let (ab, bc, ac) = (direction.dot(a.cross(b)), direction.dot(b.cross(c)), direction.dot(a.cross(c)));
-        let side = sign(direction, a, b, ab, la * lb);
-        if side != sign(direction, b, c, bc, lb * lc) || side == sign(direction, a, c, ac, la * lc) {
+        let [p, q, r] = self.corners.map(|corner| DVec3::from(corner.map(f64::from)));
+        let [a, b, c] = [p, q, r].map(|corner| corner - origin);
+        let [la, lb, lc] = [a, b, c].map(|v| v.x.abs() + v.y.abs() + v.z.abs());
+        let (ab, bc, ca) = (direction.dot(a.cross(b)), direction.dot(b.cross(c)), direction.dot(c.cross(a)));
+        let along = sign(direction, a, b, ab, la * lb);
+        if along != sign(direction, b, c, bc, lb * lc) || along != sign(direction, c, a, ca, lc * la) {
             return None;
         }
-        // The ray's line crosses the triangle, along the winding's normal if `along`; does the ray?
-        let along = side != self.odd;
-        let [p, q, r] = self.winding.map(|k| points[usize::from(k)]);
+        // The ray's line crosses the triangle, with its normal if `along`; does the ray?
         let seen_from_positive_side = (q - p).cross(r - p).dot(origin - p) >= 0.0;
         if along == seen_from_positive_side {
             return None;
         }
-        let weights = [bc, -ac, ab].map(|w| if side { w.max(0.0) } else { (-w).max(0.0) });
+        let weights = [bc, ca, ab].map(|w| if along { w.max(0.0) } else { (-w).max(0.0) });
         let sum: f64 = weights.iter().sum();
         // All weights vanish only for a ray within the triangle's plane.
-        let weights = if sum > 0.0 { weights.map(|w| w / sum) } else { [1.0 / 3.0; 3] };
-        let t = weights[0] * direction.dot(a) + weights[1] * direction.dot(b) + weights[2] * direction.dot(c);
-        Some(Crossing { t: t.max(0.0), barycentric: self.winding.map(|k| weights[usize::from(k)]) })
+        let barycentric = if sum > 0.0 { weights.map(|w| w / sum) } else { [1.0 / 3.0; 3] };
+        let t =
+            barycentric[0] * direction.dot(a) + barycentric[1] * direction.dot(b) + barycentric[2] * direction.dot(c);
+        Some(Crossing { t: t.max(0.0), barycentric })
     }
 
     /// Lowest and highest coordinates.
@@ -92,13 +78,10 @@ fn exact_sign(d: DVec3, a: DVec3, b: DVec3) -> bool {
     let point = |p: DVec3| Coord3D { x: p.x, y: p.y, z: p.z };
     let minor =
         |i: usize, j: usize| orient2d(Coord { x: a[i], y: a[j] }, Coord { x: b[i], y: b[j] }, Coord { x: 0.0, y: 0.0 });
-    // d, then the perturbation's axes by falling size. All zero: an edge in line with the origin, in the same direction
-    // for all its triangles.
-    let terms: [&dyn Fn() -> f64; 4] =
-        [&|| orient3d(point(d), point(a), point(b), point(DVec3::ZERO)), &|| minor(1, 2), &|| minor(2, 0), &|| {
-            minor(0, 1)
-        }];
-    terms.into_iter().map(|term| term()).find(|&value| value != 0.0).is_none_or(|value| value > 0.0)
+    // d, then the perturbation's axes by falling size. All are zero for an edge in line with the origin: its triangles are
+    // seen edge-on and their other two edges decide, unless the origin lies on the edge itself.
+    let terms = [orient3d(point(d), point(a), point(b), point(DVec3::ZERO)), minor(1, 2), minor(2, 0), minor(0, 1)];
+    terms.into_iter().find(|&term| term != 0.0).is_none_or(|term| term > 0.0)
 }
 
 #[cfg(test)]
@@ -119,10 +102,9 @@ mod tests {
     #[test]
     fn distance_and_weights() {
         let corners = [[1.0, 0.0, 2.0], [3.0, 0.0, 2.0], [1.0, 2.0, 4.0]];
-        // Any winding and any numbering of the corners give the same point.
-        for (ids, at) in [([0, 1, 2], [0, 1, 2]), ([7, 5, 3], [0, 1, 2]), ([2, 9, 4], [2, 1, 0])] {
-            let place = |id: u32| corners[at[ids.iter().position(|&k| k == id).unwrap()]];
-            let triangle = Triangle::new(0, ids, place);
+        for order in [[0, 1, 2], [1, 2, 0], [2, 1, 0]] {
+            let corners = order.map(|k: usize| corners[k]);
+            let triangle = Triangle { corners, face: 0 };
             let target = DVec3::new(1.5, 0.5, 2.5);
             for (origin, expected) in [(DVec3::ZERO, true), (2.0 * target, false)] {
                 let direction = target.normalize();
@@ -133,7 +115,7 @@ mod tests {
                 let crossing = crossing.or(back).unwrap();
                 assert!((crossing.t - target.length()).abs() < 1e-14);
                 let point: DVec3 =
-                    (0..3).map(|k| crossing.barycentric[k] * DVec3::from(corners[at[k]].map(f64::from))).sum();
+                    (0..3).map(|k| crossing.barycentric[k] * DVec3::from(corners[k].map(f64::from))).sum();
                 assert!((point - target).length() < 1e-14);
             }
         }
@@ -142,8 +124,8 @@ mod tests {
     #[test]
     fn a_receiver_in_the_plane_counts_as_on_its_positive_side() {
         let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
-        for (ids, down) in [([0, 1, 2], true), ([0, 2, 1], false)] {
-            let triangle = Triangle::new(0, ids, |id| corners[id as usize]);
+        for (order, down) in [([0, 1, 2], true), ([0, 2, 1], false)] {
+            let triangle = Triangle { corners: order.map(|k: usize| corners[k]), face: 0 };
             let crossed = |z: f64| triangle.cross(DVec3::ZERO, DVec3::new(0.1, 0.2, z).normalize()).is_some();
             assert_eq!((crossed(-1.0), crossed(1.0)), (down, !down));
         }

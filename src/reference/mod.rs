@@ -6,9 +6,11 @@ mod fixtures;
 mod pixel_distribution;
 mod qmc;
 mod rays;
+mod request;
 mod sobol;
 
 pub use pixel_distribution::PixelDistribution;
-pub use qmc::{Columns, Estimates, Light, Qmc, Request};
+pub use qmc::Qmc;
 pub use rays::{Hit, RayScene};
+pub use request::{Columns, Estimates, Light, Request};
 pub use sobol::Sobol;

@@ -167,7 +167,9 @@ mod tests {
 
     #[test]
     fn samples_have_the_density_they_claim() {
-        let turn = DMat3::from_rotation_x(0.4) * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
+        let turn = DMat3::from_rotation_x(0.4)
+            * DMat3::from_rotation_z(1.0)
+            * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
         for map in [DMat3::IDENTITY, turn] {
             let distribution = distribution(map);
             let sobol = Sobol::new(1);
@@ -205,11 +207,20 @@ mod tests {
 
     #[test]
     fn no_light_is_sampled_uniformly() {
-        let distribution = PixelDistribution::new(4, 2, &[0.0; 8], DMat3::IDENTITY).unwrap();
+        let distribution = PixelDistribution::new(4, 3, &[0.0; 12], DMat3::IDENTITY).unwrap();
         for k in 0..64 {
             let (_, density) = distribution.sample(Sobol::new(0).point(k));
             assert!((density * 4.0 * PI - 1.0).abs() < 1e-14);
         }
+    }
+
+    #[test]
+    fn empty_steps_are_never_chosen() {
+        let sums = cumulative([0.0, 2.0, 0.0, 2.0, 0.0].into_iter());
+        assert_eq!(sums, [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]);
+        assert_eq!(invert(&sums, 0.25), (1, 0.5, 0.5));
+        assert_eq!(invert(&sums, 0.5), (3, 0.0, 0.5));
+        assert_eq!(invert(&sums, 1.0f64.next_down()).0, 3);
     }
 
     #[test]

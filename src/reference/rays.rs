@@ -1,28 +1,22 @@
 //! Rays against triangles: is it occluded, what is hit first, how many surfaces are crossed.
 
-use glam::{DVec3, Vec3A};
-use obvhs::{
-    Boundable, BvhBuildParams,
-    aabb::Aabb,
-    bvh2::{Bvh2, leaf_collapser::collapse, reinsertion::ReinsertionOptimizer},
-    ploc::PlocBuilder,
-};
+use glam::DVec3;
+use obvhs::bvh2::Bvh2;
+use smallvec::SmallVec;
 
 use super::crossing::Triangle;
-use crate::scene::Geometry;
+use crate::scene::{Geometry, grow_tree};
 
 /// A scene ready for ray casting.
 ///
 /// The tree's shape comes from obvhs (BVH2 without spatial splits, so that a triangle is met once); its boxes are the
-/// triangles' own f32 coordinates, one unit in the last place wider. Traversal and triangle test are f64: there is no offset of the
+/// triangles' own f32 coordinates. Traversal and triangle test are f64: there is no offset of the
 /// origin and no tolerance, and a ray through an edge or a vertex counts the surface once. Directions are unit vectors.
 pub struct RayScene {
     /// Inner nodes, the root first; empty without triangles.
     nodes: Vec<Node>,
     /// In the order of the leaves.
     triangles: Vec<Triangle>,
-    /// Entries that a traversal's stack can need.
-    stack: usize,
 }
 
 /// The first surface along a ray.
@@ -34,6 +28,10 @@ pub struct Hit {
     pub t: f64,
     /// Weights of the triangle's corners, which sum to one.
     pub barycentric: [f64; 3],
+}
+
+fn corners(geometry: &Geometry, vertices: &[u32; 3]) -> [[f32; 3]; 3] {
+    vertices.map(|vertex| geometry.positions[vertex as usize].to_array())
 }
 
 /// Two children side by side.
@@ -50,43 +48,33 @@ struct Node {
 /// A box that no ray meets.
 const NOWHERE: [[f32; 3]; 2] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
-/// Most triangles in a leaf: their test costs more than a box's.
-const LEAF_TRIANGLES: u32 = 4;
-
-/// Traversals of trees up to this deep keep their stack out of the heap.
-const USUAL_STACK: usize = 64;
+/// Nodes that a traversal keeps for later, on the heap only in unusually deep trees.
+type Stack = SmallVec<[(u32, f64); 64]>;
 
 impl RayScene {
     /// Builds the tree of all triangles of `geometry`.
     pub fn new(geometry: &Geometry) -> Self {
         let faces: Vec<Triangle> = (0u32..)
             .zip(geometry.triangles.iter())
-            .map(|(face, &vertices)| {
-                Triangle::new(face, vertices, |vertex| geometry.positions[vertex as usize].to_array())
-            })
+            .map(|(face, vertices)| Triangle { corners: corners(geometry, vertices), face })
             .collect();
         if faces.is_empty() {
-            return Self { nodes: Vec::new(), triangles: Vec::new(), stack: 0 };
+            return Self { nodes: Vec::new(), triangles: Vec::new() };
         }
-        // obvhs weighs areas in f32: keep them in range by a power of two. Its boxes serve for the shape of the tree only.
-        let largest = faces.iter().flat_map(|face| face.bounds()).flatten().fold(0.0f32, |m, x| m.max(x.abs()));
-        let scale = (-f64::from(largest).log2().ceil()).exp2();
-        let boxes: Vec<Bounds> = faces.iter().map(|face| Bounds::scaled(face, scale)).collect();
-        Self::adopt(&grow(&boxes), &faces)
+        let bounds: Vec<_> = faces.iter().map(|face| face.bounds()).collect();
+        Self::adopt(&grow_tree(&bounds).0, &faces)
     }
 
     /// Lays the tree out in depth-first order, children in pairs.
     fn adopt(tree: &Bvh2, faces: &[Triangle]) -> Self {
         let mut nodes = Vec::with_capacity(tree.nodes.len() / 2 + 1);
         let mut triangles = Vec::with_capacity(faces.len());
-        let mut deepest = 0;
         // A root that is a leaf becomes the first child of a node without a second.
         let blank = Node { bounds: [[[0.0; 2]; 3]; 2], first: [0; 2], count: [0; 2] };
         let root = tree.nodes[0];
         let pairs = if root.is_leaf() { [Some(0), None] } else { [Some(root.first_index), Some(root.first_index + 1)] };
-        let mut todo = vec![(pairs, None, 0)];
-        while let Some((pair, parent, depth)) = todo.pop() {
-            deepest = deepest.max(depth + 1);
+        let mut todo = vec![(pairs, None)];
+        while let Some((pair, parent)) = todo.pop() {
             let index = nodes.len() as u32;
             if let Some((node, side)) = parent {
                 let node: &mut Node = &mut nodes[node as usize];
@@ -106,7 +94,7 @@ impl RayScene {
                     triangles.extend(tree.primitive_indices[range].iter().map(|&face| faces[face as usize]));
                 } else {
                     let first = child.first_index;
-                    todo.push(([Some(first), Some(first + 1)], Some((index, side)), depth + 1));
+                    todo.push(([Some(first), Some(first + 1)], Some((index, side))));
                 }
             }
             nodes.push(node);
@@ -118,14 +106,14 @@ impl RayScene {
                 let (first, count) = (first[side] as usize, count[side] as usize);
                 if count > 0 {
                     let bounds = triangles[first..first + count].iter().map(Triangle::bounds).fold(NOWHERE, join);
-                    nodes[index].set_bounds(side, widen(bounds));
+                    nodes[index].set_bounds(side, bounds);
                 } else if first > 0 {
                     let child = nodes[first];
                     nodes[index].set_bounds(side, join(child.bounds_of(0), child.bounds_of(1)));
                 }
             }
         }
-        Self { nodes, triangles, stack: deepest + 1 }
+        Self { nodes, triangles }
     }
 
     /// Whether the ray from `origin` along the unit vector `direction` meets any triangle that is not `excluded`.
@@ -175,17 +163,9 @@ impl RayScene {
         if self.nodes.is_empty() {
             return;
         }
-        let mut usual = [(0, 0.0); USUAL_STACK];
-        let mut long;
-        let stack: &mut [(u32, f64)] = if self.stack <= USUAL_STACK {
-            &mut usual
-        } else {
-            long = vec![(0, 0.0); self.stack];
-            &mut long
-        };
+        let mut stack = Stack::new();
         let ray = Slabs::new(origin, direction);
         let mut limit = f64::INFINITY;
-        let mut height = 0;
         let mut index = 0;
         loop {
             let node = &self.nodes[index as usize];
@@ -208,19 +188,14 @@ impl RayScene {
                 } else if next.is_none() {
                     next = Some(first);
                 } else {
-                    stack[height] = (first, near[side]);
-                    height += 1;
+                    stack.push((first, near[side]));
                 }
             }
             index = loop {
                 if let Some(next) = next {
                     break next;
                 }
-                if height == 0 {
-                    return;
-                }
-                height -= 1;
-                let (node, near) = stack[height];
+                let Some((node, near)) = stack.pop() else { return };
                 if near <= limit {
                     break node;
                 }
@@ -245,33 +220,6 @@ fn join([a, b]: [[f32; 3]; 2], [c, d]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
     [std::array::from_fn(|k| a[k].min(c[k])), std::array::from_fn(|k| b[k].max(d[k]))]
 }
 
-/// One unit in the last place wider: a box that is touched is then met in its inside, where 0 * infinity cannot occur.
-fn widen([low, high]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
-    [low.map(f32::next_down), high.map(f32::next_up)]
-}
-
-/// The steps of obvhs's `build_bvh2` at its medium quality, without its check of the depth in debug builds, which fans of many
-/// triangles fail: there the reinsertion of nodes deepens the tree beyond what the first step noted.
-fn grow(boxes: &[Bounds]) -> Bvh2 {
-    let parameters = BvhBuildParams::medium_build();
-    let indices = (0..boxes.len() as u32).collect();
-    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
-        parameters.ploc_search_distance,
-        boxes,
-        indices,
-        parameters.sort_precision,
-        parameters.search_depth_threshold,
-    );
-    let mut optimizer = ReinsertionOptimizer::default();
-    optimizer.run(&mut tree, parameters.reinsertion_batch_ratio, None);
-    collapse(&mut tree, LEAF_TRIANGLES, parameters.collapse_traversal_cost);
-    // The next step sizes its stacks by this.
-    tree.max_depth = tree.max_depth.max(tree.depth(0) + 1);
-    let second = parameters.reinsertion_batch_ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier;
-    optimizer.run(&mut tree, second, None);
-    tree
-}
-
 /// A ray as the slab test wants it (Kay and Kajiya 1986).
 struct Slabs {
     origin: [f64; 3],
@@ -286,8 +234,8 @@ impl Slabs {
         Self { origin: origin.to_array(), inverse, near: inverse.map(|x| usize::from(x.is_sign_negative())) }
     }
 
-    /// Distances at which the ray's line enters and leaves two boxes. A coordinate of the origin that equals a bound while the
-    /// direction's is zero makes NaN, which `max` and `min` pass over.
+    /// Distances at which the ray's line enters and leaves two boxes. NaN comes of a direction's coordinate of zero and an
+    /// origin on the bound, which then does not limit the ray: `max` and `min` pass NaN over.
     #[inline(always)]
     fn meet(&self, bounds: &[[[f32; 2]; 3]; 2]) -> ([f64; 2], [f64; 2]) {
         let (mut near, mut far) = ([f64::NEG_INFINITY; 2], [f64::INFINITY; 2]);
@@ -303,22 +251,6 @@ impl Slabs {
     }
 }
 
-/// A triangle's box as obvhs wants it.
-struct Bounds(Aabb);
-
-impl Bounds {
-    fn scaled(triangle: &Triangle, scale: f64) -> Self {
-        let [low, high] = triangle.bounds().map(|bound| Vec3A::from(bound.map(|x| (f64::from(x) * scale) as f32)));
-        Self(Aabb::new(low, high))
-    }
-}
-
-impl Boundable for Bounds {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
@@ -331,8 +263,8 @@ mod tests {
         let mut hits: Vec<Hit> = (0u32..)
             .zip(geometry.triangles.iter())
             .filter(|(face, _)| !excluded.contains(face))
-            .filter_map(|(face, &vertices)| {
-                let triangle = Triangle::new(face, vertices, |v| geometry.positions[v as usize].to_array());
+            .filter_map(|(face, vertices)| {
+                let triangle = Triangle { corners: corners(geometry, vertices), face };
                 let crossing = triangle.cross(origin, direction)?;
                 Some(Hit { face, t: crossing.t, barycentric: crossing.barycentric })
             })
@@ -426,6 +358,13 @@ mod tests {
     fn closed_meshes_have_no_cracks() {
         let outside = [DVec3::new(3.0, 0.0, 0.0), DVec3::new(1.5, -2.0, 0.7), DVec3::new(0.0, 0.0, 50.0)];
         assert_watertight(&cuboid(Vec3::splat(-0.5), Vec3::splat(0.5)), DVec3::ZERO, &outside);
+        // Rays along the axes meet its vertices, and its edges lie in the planes of the axes.
+        let poles = DVec3::AXES.into_iter().flat_map(|axis| [axis.as_vec3(), -axis.as_vec3()]).collect();
+        let octants = (0..8u32).map(|k| {
+            let [x, y, z] = [k & 1, 2 + (k >> 1 & 1), 4 + (k >> 2)];
+            if k.count_ones() % 2 == 0 { [x, y, z] } else { [x, z, y] }
+        });
+        assert_watertight(&geometry(poles, octants.collect()), DVec3::ZERO, &outside);
         assert_watertight(&sphere(Vec3::ZERO, 1.0, 16), DVec3::ZERO, &outside);
         assert_watertight(&sphere(Vec3::new(0.3, 0.1, -0.2), 0.7, 23), DVec3::new(0.25, 0.15, -0.1), &outside);
     }
@@ -458,14 +397,13 @@ mod tests {
     }
 
     #[test]
-    fn trees_deeper_than_the_usual_stack_work() {
-        // Fans grow deep trees.
+    fn fans_work() {
+        // Fans of many triangles grow trees almost as deep as they are many.
         let rim = (0..720).map(|k| {
             let (s, c) = (std::f64::consts::TAU * f64::from(k) / 720.0).sin_cos();
             DVec3::new(c, s, 0.5).as_vec3()
         });
         let fan = polygon(rim);
-        assert!(RayScene::new(&fan).stack > USUAL_STACK, "{}", RayScene::new(&fan).stack);
         let mut random = random(3);
         assert_twins(&fan, (0..400).map(|_| (random(), random().normalize())));
     }

@@ -1,18 +1,21 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
-use obvhs::BvhBuildParams;
+use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::leaf_collapser::collapse;
 use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::{Bvh2, reinsertion::ReinsertionOptimizer};
+use obvhs::ploc::PlocBuilder;
+use obvhs::{Boundable, BvhBuildParams};
+use smallvec::SmallVec;
 
 /// A bounding volume hierarchy over the faces of a mesh (obvhs' BVH2) for rays that must not miss a face.
 ///
 /// It only proposes the faces whose boxes a ray touches or nearly touches; whoever asks decides by a test of its own.
 pub struct FaceTree {
-    tree: Option<Bvh2>,
+    /// The tree and the scale of its boxes; none without faces.
+    tree: Option<(Bvh2, f64)>,
     positions: Arc<[Vec3]>,
     triangles: Arc<[[u32; 3]]>,
 }
@@ -24,18 +27,14 @@ const SLACK: f64 = 1e-12;
 impl FaceTree {
     /// Builds the tree; `triangles` index into `positions`.
     pub fn new(positions: Arc<[Vec3]>, triangles: Arc<[[u32; 3]]>) -> Self {
-        let boxes: Vec<Aabb> = triangles
+        let bounds: Vec<_> = triangles
             .iter()
             .map(|face| {
-                let mut bounds = Aabb::empty();
-                for &vertex in face {
-                    bounds.extend(positions[vertex as usize].into());
-                }
-                bounds
+                let [a, b, c] = face.map(|vertex| positions[vertex as usize]);
+                [a.min(b).min(c).to_array(), a.max(b).max(c).to_array()]
             })
             .collect();
-        let parameters = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
-        let tree = (!boxes.is_empty()).then(|| build_bvh2(&boxes, parameters, &mut Default::default()));
+        let tree = (!bounds.is_empty()).then(|| grow_tree(&bounds));
         Self { tree, positions, triangles }
     }
 
@@ -49,24 +48,14 @@ impl FaceTree {
         self.triangles[face as usize]
     }
 
-    /// Number of faces.
-    pub fn len(&self) -> usize {
-        self.triangles.len()
-    }
-
-    /// Whether there is no face.
-    pub fn is_empty(&self) -> bool {
-        self.triangles.is_empty()
-    }
-
     /// Calls `visit` with every face that the ray from `origin` may meet, in no particular order, until it breaks.
     pub fn visit(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
-        let Some(tree) = &self.tree else { return };
-        let slab = Slab::new(origin, direction);
-        if !slab.meets(&tree.nodes[0]) {
-            return;
+        let Some((tree, scale)) = &self.tree else { return };
+        let slab = Slab { origin: origin * *scale, inverse: direction.recip() };
+        let mut stack = SmallVec::<[u32; 64]>::new();
+        if slab.meets(&tree.nodes[0]) {
+            stack.push(0);
         }
-        let mut stack = vec![0u32];
         while let Some(index) = stack.pop() {
             let node = &tree.nodes[index as usize];
             if node.is_leaf() {
@@ -78,12 +67,58 @@ impl FaceTree {
                 }
                 continue;
             }
-            for child in [node.first_index, node.first_index + 1] {
-                if slab.meets(&tree.nodes[child as usize]) {
-                    stack.push(child);
-                }
-            }
+            stack.extend(
+                [node.first_index, node.first_index + 1]
+                    .into_iter()
+                    .filter(|&child| slab.meets(&tree.nodes[child as usize])),
+            );
         }
+    }
+}
+
+/// Most faces in a leaf: their test costs more than a box's.
+const LEAF_FACES: u32 = 4;
+
+/// A tree over boxes, lowest and highest corner each, of which there must be one at least; and the power of two by which the
+/// tree's own boxes are scaled: obvhs weighs areas in f32, which must stay in range.
+///
+/// These are the steps of obvhs' `build_bvh2` at its medium quality, without its check of the depth in debug builds, which
+/// fans of many triangles fail: there the reinsertion of nodes deepens the tree beyond what the first step noted.
+pub(crate) fn grow_tree(bounds: &[[[f32; 3]; 2]]) -> (Bvh2, f64) {
+    let largest = bounds.as_flattened().as_flattened().iter().fold(f32::MIN_POSITIVE, |m, x| m.max(x.abs()));
+    let scale = (-f64::from(largest).log2().ceil()).exp2();
+    let boxes: Vec<Bounds> = bounds
+        .iter()
+        .map(|bounds| {
+            let [low, high] = bounds.map(|bound| Vec3A::from(bound.map(|x| (f64::from(x) * scale) as f32)));
+            Bounds(Aabb::new(low, high))
+        })
+        .collect();
+    let parameters = BvhBuildParams::medium_build();
+    let indices = (0..boxes.len() as u32).collect();
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+        parameters.ploc_search_distance,
+        &boxes,
+        indices,
+        parameters.sort_precision,
+        parameters.search_depth_threshold,
+    );
+    let mut optimizer = ReinsertionOptimizer::default();
+    optimizer.run(&mut tree, parameters.reinsertion_batch_ratio, None);
+    collapse(&mut tree, LEAF_FACES, parameters.collapse_traversal_cost);
+    // The next step sizes its stacks by this.
+    tree.max_depth = tree.max_depth.max(tree.depth(0) + 1);
+    let second = parameters.reinsertion_batch_ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier;
+    optimizer.run(&mut tree, second, None);
+    (tree, scale)
+}
+
+/// A box as obvhs wants it.
+struct Bounds(Aabb);
+
+impl Boundable for Bounds {
+    fn aabb(&self) -> Aabb {
+        self.0
     }
 }
 
@@ -94,10 +129,6 @@ struct Slab {
 }
 
 impl Slab {
-    fn new(origin: DVec3, direction: DVec3) -> Self {
-        Self { origin, inverse: direction.recip() }
-    }
-
     fn meets(&self, node: &Bvh2Node) -> bool {
         let (low, high) = (node.aabb.min.as_dvec3(), node.aabb.max.as_dvec3());
         let slack = SLACK * (low.abs().max(high.abs()).max_element() + self.origin.abs().max_element());

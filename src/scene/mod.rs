@@ -26,6 +26,7 @@ use glam::DAffine3;
 pub use camera::Camera;
 pub use environment::{Environment, UpAxis};
 pub use face_tree::FaceTree;
+pub(crate) use face_tree::grow_tree;
 pub use file::ReceiverSource;
 pub use geometry::{Cleaning, Geometry, GeometryBuilder, MAX_COORDINATE, Material, VertexFaces};
 pub use load::load_meshes;
