@@ -126,8 +126,12 @@ pub(crate) fn narrow(name: &str, x: f64) -> Result<f32> {
     }
 }
 
-/// Multiplies every spherical-harmonic coefficient by (-1)^m: from one phase convention to the other and back.
-pub(crate) fn flip_phase(arrays: Arrays, leading: usize) -> Result<Arrays> {
+/// Multiplies every spherical-harmonic coefficient by (-1)^m: from one phase convention to the other and back. The first
+/// `leading` axes of every array tell the receiver.
+///
+/// # Errors
+/// None: the same finite numbers come back with other signs.
+pub fn flip_phase(arrays: Arrays, leading: usize) -> Result<Arrays> {
     let mut flipped = Arrays::new();
     for mut array in arrays {
         let inner = array.shape[leading.min(array.shape.len())..].to_vec();

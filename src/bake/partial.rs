@@ -37,17 +37,17 @@ impl Partial {
     /// # Errors
     /// When an array has another number of rows than the mask, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        self.check()?;
+        self.check(self.done.len())?;
         let mut arrays = self.arrays.clone();
         arrays.push(Array::new(DONE, [self.done.len()], self.done.iter().map(|&done| done.into()).collect()))?;
         npz::write(path, &arrays, &self.provenance)
     }
 
-    /// Reads the finished part of a run that is to go on as `expected` over `receivers` receivers.
+    /// Reads the finished part of a run that is to go on as `expected`.
     ///
     /// # Errors
     /// When the file cannot be read, or was made from other input or with other settings: the line says which.
-    pub fn read(path: &Path, expected: &Provenance, receivers: usize) -> Result<Self> {
+    pub fn read(path: &Path, expected: &Provenance) -> Result<Self> {
         let archive = npz::read(path)?;
         let (mut arrays, provenance) = (archive.arrays, archive.provenance.unwrap_or_default());
         if let Some((name, wanted, found)) = expected.disagreement(&provenance) {
@@ -59,16 +59,20 @@ impl Partial {
             return Err(Error::file(path, format!("has no array `{DONE}`: not the finished part of a run")));
         };
         let partial = Self { arrays, done: done.data.iter().map(|&done| done != 0.0).collect(), provenance };
-        if partial.done.len() != receivers {
-            let message = format!("covers {} receivers, not {receivers}; delete it to begin anew", partial.done.len());
-            return Err(Error::file(path, message));
-        }
-        partial.check().map_err(|error| Error::file(path, error))?;
+        partial.check(partial.done.len()).map_err(|error| Error::file(path, error))?;
         Ok(partial)
     }
 
-    fn check(&self) -> Result<()> {
-        let receivers = self.done.len();
+    /// Fails unless this is a part of a run over `receivers` receivers.
+    ///
+    /// # Errors
+    /// One line that says what has another length.
+    pub fn check(&self, receivers: usize) -> Result<()> {
+        if self.done.len() != receivers {
+            let message =
+                format!("the finished part covers {} receivers, not {receivers}; begin anew", self.done.len());
+            return Err(Error::input(message));
+        }
         match self.arrays.iter().find(|array| array.shape.first() != Some(&receivers)) {
             Some(array) => {
                 Err(Error::input(format!("array {}: not one row for each of {receivers} receivers", array.name)))
@@ -93,13 +97,14 @@ mod tests {
         let partial = Partial { arrays, done: vec![true, false, true], provenance: provenance.clone() };
         partial.write(&path).unwrap();
         assert_eq!(partial.finished(), 2);
-        assert_eq!(Partial::read(&path, &provenance, 3).unwrap(), partial);
+        assert_eq!(Partial::read(&path, &provenance).unwrap(), partial);
 
-        let message =
-            |expected: &Provenance, receivers| Partial::read(&path, expected, receivers).unwrap_err().to_string();
-        assert!(message(&Provenance::new("isolines").with("isolines", 256), 3).contains("isolines = 64, not 256"));
-        assert!(message(&provenance, 4).contains("covers 3 receivers, not 4"));
+        let message = |expected: &Provenance| Partial::read(&path, expected).unwrap_err().to_string();
+        assert!(message(&Provenance::new("isolines").with("isolines", 256)).contains("isolines = 64, not 256"));
+        assert!(partial.check(4).unwrap_err().to_string().contains("covers 3 receivers, not 4"));
         npz::write(&path, &Arrays::new(), &provenance).unwrap();
-        assert!(message(&provenance, 3).contains("no array `done`"));
+        assert!(message(&provenance).contains("no array `done`"));
+        let short = Partial { done: vec![true; 2], ..partial };
+        assert!(short.write(&path).unwrap_err().to_string().contains("array ambient_occlusion"));
     }
 }

@@ -1,5 +1,7 @@
 use std::fmt;
 
+use super::{Arrays, Statistics};
+
 /// What to compute at every receiver. What is not asked for is not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
@@ -43,4 +45,15 @@ impl fmt::Display for Method {
             Self::Qmc { .. } => "qmc",
         })
     }
+}
+
+/// What a run over a list of receivers gave.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The arrays asked for; rows of receivers that are not done are zero.
+    pub arrays: Arrays,
+    /// Whether each receiver is finished; all are unless the run was interrupted.
+    pub done: Vec<bool>,
+    /// What the run did and how long it took.
+    pub statistics: Statistics,
 }
