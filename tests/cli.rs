@@ -97,7 +97,7 @@ fn targets_are_checked_before_anything_is_computed() {
         ("integrate a.obj -o out.ply", "integrate writes .npz"),
         ("bake -o nowhere/out.npz", "the folder nowhere does not exist"),
         ("bake -o out.npz --preview out.obj", "out.obj: .obj says nothing"),
-        ("bake -o out.npz --resume", "out.npz.partial.npz"),
+        ("bake -o out.npz --resume", "out.npz.partial.npz: there is nothing to go on from"),
     ] {
         let text = fails(folder, arguments, 1);
         assert!(text.contains(part), "{arguments}: {text}");

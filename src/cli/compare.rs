@@ -23,7 +23,7 @@ pub struct Compare {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     arrays: Vec<String>,
     /// Fail, with exit code 1, when the RMSE of an array is above this
-    #[arg(long, value_name = "E", value_parser = magnitude)]
+    #[arg(long, value_name = "E", value_parser = magnitude, allow_negative_numbers = true)]
     fail_above: Option<f64>,
 }
 

@@ -205,7 +205,12 @@ impl RunOptions {
 
     /// What an interrupted run of the same command has kept, if it is wanted.
     pub fn resumed(&self, out: &Path, provenance: &Provenance) -> Result<Option<Partial>> {
-        self.resume.then(|| Partial::read(&Partial::path(out), provenance)).transpose()
+        let part = Partial::path(out);
+        match self.resume {
+            false => Ok(None),
+            true if part.exists() => Partial::read(&part, provenance).map(Some),
+            true => Err(Error::file(part, "there is nothing to go on from; leave --resume out")),
+        }
     }
 
     /// Ends a run that was to write `out`: gives the arrays of a finished one, keeps the finished part of an
