@@ -1,14 +1,11 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use plotters::prelude::Color;
-use plotters::prelude::{BLACK, IntoFont, Rectangle, Text, TextStyle};
-
 use crate::bake::writers::{exr, npz};
 use crate::bake::{Array, Arrays, Phase, components};
 use crate::{Error, Result};
 
-use super::picture::{Decades, colour};
+use super::panel::panel;
 use super::{Curve, Picture, Plot};
 
 /// Name of the array or channel that tells which pixels have values.
@@ -181,7 +178,7 @@ impl Comparison {
                 None => groups.push((name.to_owned(), vec![errors])),
             }
         }
-        let panels = groups.iter().map(|(name, channels)| panel(name, channels)).collect::<Result<Vec<_>>>()?;
+        let panels = groups.iter().map(|(name, channels)| group_panel(name, channels)).collect::<Result<Vec<_>>>()?;
         let columns = (1..).find(|n| n * n >= panels.len()).unwrap_or(1);
         let width = panels.iter().map(Picture::width).max().unwrap_or(1);
         let height = panels.iter().map(Picture::height).max().unwrap_or(1);
@@ -267,64 +264,22 @@ fn place(array: &Array, flat: usize, kind: Kind) -> String {
     }
 }
 
-/// Height of a line of text, and of the colour bar.
-const LINE: usize = 20;
-/// Panels are magnified to at least this many pixels, so that their text fits.
-const LEAST: usize = 240;
-/// Images are reduced to at most this many pixels a side.
-const MOST: usize = 1024;
-
-/// Root mean square over `channels` in false colour, with title and colour bar.
-fn panel(name: &str, channels: &[&Errors]) -> Result<Picture> {
+/// Root mean square over `channels`, pixel by pixel.
+fn group_panel(name: &str, channels: &[&Errors]) -> Result<Picture> {
     let [height, width] = channels[0].shape[..] else {
         return Err(Error::input(format!("channel {name} is no image")));
     };
-    let square = |i: usize| -> Option<f64> {
+    let root_mean_square = |i: usize| -> Option<f64> {
         let squares = channels.iter().map(|errors| errors.values[i].map(|error| error * error));
         Some((squares.sum::<Option<f64>>()? / channels.len() as f64).sqrt())
     };
-    let values: Vec<Option<f64>> = (0..width * height).map(square).collect();
-    let greatest = values.iter().flatten().copied().fold(0.0, f64::max);
-    let scale = Decades { greatest };
-
-    // Reduced by keeping the worst of every block: a single bad pixel stays visible.
-    let reduce = width.max(height).div_ceil(MOST).max(1);
-    let magnify = LEAST.div_ceil(width).max(1);
-    let (shown_width, shown_height) = (width.div_ceil(reduce) * magnify, height.div_ceil(reduce) * magnify);
-    let worst = |x: usize, y: usize| {
-        let rows = y * reduce..((y + 1) * reduce).min(height);
-        let block = rows.flat_map(|y| (x * reduce..((x + 1) * reduce).min(width)).map(move |x| (x, y)));
-        block.filter_map(|(x, y)| values[y * width + x]).reduce(f64::max)
-    };
-    let shown: Vec<_> =
-        (0..shown_width * shown_height).map(|i| worst(i % shown_width / magnify, i / shown_width / magnify)).collect();
-
-    let mut picture = Picture::filled(shown_width + LINE, shown_height + 4 * LINE, [255; 3]);
-    picture.paste(&Picture::false_colour(shown_width, shown_height, &shown, scale), LINE / 2, LINE + LINE / 2);
-    picture.draw(|area| {
-        let style = TextStyle::from(("sans-serif", 14).into_font()).color(&BLACK);
-        let left = LINE as i32 / 2;
-        let below = (shown_height + 2 * LINE) as i32;
-        area.draw(&Text::new(name.to_owned(), (left, left), style.clone()))?;
-        if greatest == 0.0 {
-            area.draw(&Text::new("no difference", (left, below), style))?;
-            return Ok(());
-        }
-        for x in 0..shown_width as i32 {
-            let fill = colour(f64::from(x) / shown_width as f64).filled();
-            area.draw(&Rectangle::new([(left + x, below), (left + x + 1, below + LINE as i32 / 2)], fill))?;
-        }
-        let label = |x: f64| format!("{x:.1e}");
-        let numbers = below + 3 * LINE as i32 / 4;
-        area.draw(&Text::new(label(scale.least()), (left, numbers), style.clone()))?;
-        area.draw(&Text::new(label(greatest), (left + shown_width as i32 - 56, numbers), style))?;
-        Ok(())
-    })?;
-    Ok(picture)
+    panel(name, width, height, &(0..width * height).map(root_mean_square).collect::<Vec<_>>())
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::panel::LINE;
+    use super::super::picture::colour;
     use super::*;
     use crate::bake::writers::write;
     use crate::bake::{Baked, BakedImage, Provenance};
