@@ -50,9 +50,11 @@ impl Provenance {
             .find(|(_, our, their)| our != their)
     }
 
-    /// The provenance as one line of JSON, as it stands in files.
+    /// The provenance as one line of JSON in ASCII, as it stands in files: not every reader takes more.
     pub fn to_json(&self) -> String {
-        serde_json::to_string(self).expect("strings always serialise")
+        let json = serde_json::to_string(self).expect("strings always serialise");
+        let escaped = |c: char| c.encode_utf16(&mut [0; 2]).iter().map(|unit| format!("\\u{unit:04x}")).collect();
+        json.chars().map(|c| if c.is_ascii() { c.to_string() } else { escaped(c) }).collect()
     }
 }
 
@@ -83,8 +85,9 @@ mod tests {
 
     #[test]
     fn json_round_trip_names_the_phase() {
-        let provenance = Provenance::new("isolines").with("isolines", 256);
+        let provenance = Provenance::new("isolines").with("scene", "été 🌲\n");
         let json = provenance.to_json();
+        assert!(json.is_ascii() && !json.contains('\n'), "{json}");
         assert!(json.contains("\"sh_phase\":\"no Condon-Shortley\""), "{json}");
         assert_eq!(serde_json::from_str::<Provenance>(&json).unwrap(), provenance);
     }

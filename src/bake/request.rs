@@ -7,17 +7,17 @@ use super::{Arrays, Statistics};
 pub struct Request {
     /// Number of spherical-harmonic bands; `order^2` coefficients.
     pub order: usize,
-    /// `ambient_occlusion` [N]: 1/pi integral of V max(0, n.w); 1 = open.
+    /// `ambient_occlusion`, `[N]`: 1/pi integral of V max(0, n.w); 1 = open.
     pub ambient_occlusion: bool,
-    /// `visibility_sh` [N, order^2]: integral of V [n.w > 0] y.
+    /// `visibility_sh`, `[N, order^2]`: integral of `V [n.w > 0] y`.
     pub visibility_sh: bool,
-    /// `transfer_sh` [N, order^2]: 1/pi integral of V max(0, n.w) y.
+    /// `transfer_sh`, `[N, order^2]`: 1/pi integral of V max(0, n.w) y.
     pub transfer_sh: bool,
-    /// `bent_normal` [N, 3]: unit mean of the visible directions, weighted by the cosine; zero where nothing is visible.
+    /// `bent_normal`, `[N, 3]`: unit mean of the visible directions, weighted by the cosine; zero where nothing is visible.
     pub bent_normal: bool,
-    /// `irradiance` [N, 3]: integral of L V max(0, n.w).
+    /// `irradiance`, `[N, 3]`: integral of L V max(0, n.w).
     pub irradiance: bool,
-    /// `vector_irradiance` [N, 3 colours, 3 axes]: integral of L V [n.w > 0] w.
+    /// `vector_irradiance`, `[N, 3 colours, 3 axes]`: integral of `L V [n.w > 0] w`.
     pub vector_irradiance: bool,
 }
 

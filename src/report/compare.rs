@@ -1,14 +1,11 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use plotters::prelude::Color;
-use plotters::prelude::{BLACK, IntoFont, Rectangle, Text, TextStyle};
-
 use crate::bake::writers::{exr, npz};
 use crate::bake::{Array, Arrays, Phase, components};
 use crate::{Error, Result};
 
-use super::picture::{Decades, colour};
+use super::panel::panel;
 use super::{Curve, Picture, Plot};
 
 /// Name of the array or channel that tells which pixels have values.
@@ -63,7 +60,7 @@ pub struct Difference {
     pub rmse: f64,
     /// Largest absolute difference.
     pub maximum: f64,
-    /// Where the largest is: the row and component, or the pixel.
+    /// Where the largest is: the row and component, or the pixel; a dash where all are equal.
     pub place: String,
     /// Mean of the signed difference, first file minus second.
     pub bias: f64,
@@ -156,7 +153,9 @@ impl Comparison {
             // A thousand points are more than the plot has pixels for.
             let step = sizes.len().div_ceil(1000).max(1);
             let points = (0..sizes.len()).step_by(step).map(|i| (sizes[i], (i + 1) as f64 / count)).collect();
-            Curve { name: errors.name.clone(), points }
+            // A curve of zeros has no place on a logarithmic axis; the legend tells.
+            let equal = if sizes.first().is_some_and(|&size| size > 0.0) { "" } else { " (equal)" };
+            Curve { name: errors.name.clone() + equal, points }
         };
         Plot {
             title: "Share of values with a larger difference".into(),
@@ -179,7 +178,7 @@ impl Comparison {
                 None => groups.push((name.to_owned(), vec![errors])),
             }
         }
-        let panels = groups.iter().map(|(name, channels)| panel(name, channels)).collect::<Result<Vec<_>>>()?;
+        let panels = groups.iter().map(|(name, channels)| group_panel(name, channels)).collect::<Result<Vec<_>>>()?;
         let columns = (1..).find(|n| n * n >= panels.len()).unwrap_or(1);
         let width = panels.iter().map(Picture::width).max().unwrap_or(1);
         let height = panels.iter().map(Picture::height).max().unwrap_or(1);
@@ -244,7 +243,7 @@ impl Errors {
             values,
             rmse,
             maximum: largest.map_or(0.0, |largest| largest.1),
-            place: largest.map_or_else(String::new, |(i, _)| place(ours, i, kind)),
+            place: largest.filter(|largest| largest.1 > 0.0).map_or("-".into(), |(i, _)| place(ours, i, kind)),
             bias: mean(covered().map(|(_, error)| error).sum()),
             relative: if rmse == 0.0 { Some(0.0) } else { (magnitude > 0.0).then(|| rmse / magnitude) },
         }
@@ -265,58 +264,134 @@ fn place(array: &Array, flat: usize, kind: Kind) -> String {
     }
 }
 
-/// Height of a line of text, and of the colour bar.
-const LINE: usize = 20;
-/// Panels are magnified to at least this many pixels, so that their text fits.
-const LEAST: usize = 240;
-/// Images are reduced to at most this many pixels a side.
-const MOST: usize = 1024;
-
-/// Root mean square over `channels` in false colour, with title and colour bar.
-fn panel(name: &str, channels: &[&Errors]) -> Result<Picture> {
+/// Root mean square over `channels`, pixel by pixel.
+fn group_panel(name: &str, channels: &[&Errors]) -> Result<Picture> {
     let [height, width] = channels[0].shape[..] else {
         return Err(Error::input(format!("channel {name} is no image")));
     };
-    let square = |i: usize| -> Option<f64> {
+    let root_mean_square = |i: usize| -> Option<f64> {
         let squares = channels.iter().map(|errors| errors.values[i].map(|error| error * error));
         Some((squares.sum::<Option<f64>>()? / channels.len() as f64).sqrt())
     };
-    let values: Vec<Option<f64>> = (0..width * height).map(square).collect();
-    let greatest = values.iter().flatten().copied().fold(0.0, f64::max);
-    let scale = Decades { greatest };
+    panel(name, width, height, &(0..width * height).map(root_mean_square).collect::<Vec<_>>())
+}
 
-    // Reduced by keeping the worst of every block: a single bad pixel stays visible.
-    let reduce = width.max(height).div_ceil(MOST).max(1);
-    let magnify = LEAST.div_ceil(width).max(1);
-    let (shown_width, shown_height) = (width.div_ceil(reduce) * magnify, height.div_ceil(reduce) * magnify);
-    let worst = |x: usize, y: usize| {
-        let rows = y * reduce..((y + 1) * reduce).min(height);
-        let block = rows.flat_map(|y| (x * reduce..((x + 1) * reduce).min(width)).map(move |x| (x, y)));
-        block.filter_map(|(x, y)| values[y * width + x]).reduce(f64::max)
-    };
-    let shown: Vec<_> =
-        (0..shown_width * shown_height).map(|i| worst(i % shown_width / magnify, i / shown_width / magnify)).collect();
+#[cfg(test)]
+mod tests {
+    use super::super::panel::LINE;
+    use super::super::picture::colour;
+    use super::*;
+    use crate::bake::writers::write;
+    use crate::bake::{Baked, BakedImage, Provenance};
 
-    let mut picture = Picture::filled(shown_width + LINE, shown_height + 4 * LINE, [255; 3]);
-    picture.paste(&Picture::false_colour(shown_width, shown_height, &shown, scale), LINE / 2, LINE + LINE / 2);
-    picture.draw(|area| {
-        let style = TextStyle::from(("sans-serif", 14).into_font()).color(&BLACK);
-        let left = LINE as i32 / 2;
-        let below = (shown_height + 2 * LINE) as i32;
-        area.draw(&Text::new(name.to_owned(), (left, left), style.clone()))?;
-        if greatest == 0.0 {
-            area.draw(&Text::new("no difference", (left, below), style))?;
-            return Ok(());
+    fn results(kind: Kind, arrays: &[(&str, &[usize], &[f64])]) -> Results {
+        let mut all = Arrays::new();
+        arrays.iter().for_each(|(name, shape, data)| all.push(Array::new(*name, *shape, data.to_vec())).unwrap());
+        Results { path: "a.npz".into(), arrays: all, phase: Phase::Plain, kind }
+    }
+
+    fn message(a: &Results, b: &Results, names: &[String]) -> String {
+        Comparison::new(a, b, names).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn numbers_of_known_arrays() {
+        let a = results(Kind::Archive, &[("x", &[4], &[1.0, 2.0, 3.0, 4.0]), ("y_sh", &[1, 4], &[0.0, 0.5, 0.0, 0.0])]);
+        let b = results(Kind::Archive, &[("y_sh", &[1, 4], &[0.0; 4]), ("x", &[4], &[1.0, 2.0, 1.0, 5.0])]);
+        let comparison = Comparison::new(&a, &b, &[]).unwrap();
+        let [x, y] = comparison.differences.as_slice() else { panic!() };
+        // Differences 0, 0, 2, -1.
+        assert_eq!((x.values, x.maximum, x.bias, x.place.as_str()), (4, 2.0, 0.25, "row 2"));
+        assert!((x.rmse - 1.25f64.sqrt()).abs() < 1e-15);
+        assert!((x.relative.unwrap() - (5.0f64 / 31.0).sqrt()).abs() < 1e-15);
+        assert_eq!((y.rmse, y.relative, y.place.as_str()), (0.25, None, "row 0, y.l1.m-1"));
+        assert_eq!(comparison.worst().unwrap().name, "x");
+        let table = comparison.to_string();
+        assert_eq!(table.lines().count(), 3);
+        assert!(table.lines().nth(1).unwrap().contains("1.12e0    2.00e0  row 2"), "{table}");
+        let same = Comparison::new(&a, &a, &["x".into()]).unwrap();
+        assert_eq!(
+            (same.differences.len(), same.differences[0].rmse, same.differences[0].relative),
+            (1, 0.0, Some(0.0))
+        );
+    }
+
+    #[test]
+    fn uncovered_pixels_do_not_count() {
+        let image = |values: &[f64], coverage: &[f64]| {
+            results(Kind::Image, &[("R", &[1, 3], values), ("coverage", &[1, 3], coverage)])
+        };
+        let a = image(&[1.0, 9.0, 3.0], &[1.0, 0.0, 1.0]);
+        let b = image(&[1.0, 0.0, 2.0], &[1.0, 0.0, 1.0]);
+        let comparison = Comparison::new(&a, &b, &[]).unwrap();
+        let red = &comparison.differences[0];
+        assert_eq!((red.values, red.maximum, red.place.as_str()), (2, 1.0, "pixel 2,0"));
+        let less = image(&[1.0, 0.0, 2.0], &[1.0, 0.0, 0.0]);
+        let comparison = Comparison::new(&a, &less, &[]).unwrap();
+        assert_eq!(comparison.differences[0].values, 1);
+        // That one file covers more than the other shows in the coverage itself.
+        assert_eq!((comparison.differences[1].values, comparison.differences[1].maximum), (3, 1.0));
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_named() {
+        let a = results(Kind::Archive, &[("x", &[2], &[0.0; 2])]);
+        let wide = results(Kind::Archive, &[("x", &[2, 1], &[0.0; 2])]);
+        let more = results(Kind::Archive, &[("x", &[2], &[0.0; 2]), ("y", &[1], &[0.0])]);
+        assert!(message(&a, &wide, &[]).contains("array x has shape [2]"));
+        assert_eq!(message(&a, &more, &[]), "a.npz: has no array y; it has x");
+        assert_eq!(message(&more, &a, &[]), "a.npz: has no array y; it has x");
+        assert!(message(&a, &a, &["z".into()]).contains("no array z"));
+        assert!(message(&a, &results(Kind::Image, &[]), &[]).contains("two of a kind"));
+        let other = Results { phase: Phase::CondonShortley, ..a.clone() };
+        assert!(message(&a, &other, &[]).contains("Condon-Shortley"));
+        assert!(Results::read(Path::new("a.txt")).unwrap_err().to_string().contains("only .npz and .exr"));
+    }
+
+    #[test]
+    fn pictures_of_images_show_the_worst_pixel() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let (width, height) = (1500, 40);
+        let bake = |spike: f64| {
+            let mut rows = Arrays::new();
+            let mut values = vec![0.5; width * height];
+            values[20 * width + 700] += spike;
+            rows.push(Array::new("ambient_occlusion", [width * height], values.clone())).unwrap();
+            rows.push(Array::new("visibility_sh", [width * height, 1], values)).unwrap();
+            let pixels: Vec<u32> = (0..(width * height) as u32).collect();
+            Baked::Image(BakedImage::from_rows(width, height, &pixels, rows, Provenance::default()).unwrap())
+        };
+        write(&path("a.exr"), &bake(0.25)).unwrap();
+        write(&path("b.exr"), &bake(0.0)).unwrap();
+        let (a, b) = (Results::read(&path("a.exr")).unwrap(), Results::read(&path("b.exr")).unwrap());
+        let comparison = Comparison::new(&a, &b, &[]).unwrap();
+        assert_eq!(comparison.worst().unwrap().place, "pixel 700,20");
+        let picture = comparison.panels().unwrap();
+        // Three panels in two columns, reduced by two.
+        assert_eq!(picture.width(), 2 * (750 + LINE));
+        let plotters::style::RGBColor(r, g, b) = colour(1.0);
+        assert_eq!(picture.pixel(LINE / 2 + 350, LINE + LINE / 2 + 10), [r, g, b]);
+        comparison.write_picture(&path("d.png")).unwrap();
+        assert_eq!(image::open(path("d.png")).unwrap().width(), 2 * (750 + LINE) as u32);
+        assert!(comparison.write_picture(&path("d.svg")).is_err());
+    }
+
+    #[test]
+    fn curves_of_archives_fall_from_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let data: Vec<f64> = (1..=5000).map(|i| f64::from(i) * 1e-6).collect();
+        let a = results(Kind::Archive, &[("x", &[5000], &data), ("same", &[1], &[1.0])]);
+        let b = results(Kind::Archive, &[("x", &[5000], &[0.0; 5000]), ("same", &[1], &[1.0])]);
+        let comparison = Comparison::new(&a, &b, &[]).unwrap();
+        let plot = comparison.plot();
+        assert_eq!(plot.curves[1].name, "same (equal)");
+        assert_eq!(plot.curves[0].points[0], (5e-3, 1.0 / 5000.0));
+        assert!(plot.curves[0].points.is_sorted_by(|p, q| p.0 > q.0 && p.1 < q.1));
+        for name in ["d.png", "d.svg"] {
+            comparison.write_picture(&folder.path().join(name)).unwrap();
         }
-        for x in 0..shown_width as i32 {
-            let fill = colour(f64::from(x) / shown_width as f64).filled();
-            area.draw(&Rectangle::new([(left + x, below), (left + x + 1, below + LINE as i32 / 2)], fill))?;
-        }
-        let label = |x: f64| format!("{x:.1e}");
-        let numbers = below + 3 * LINE as i32 / 4;
-        area.draw(&Text::new(label(scale.least()), (left, numbers), style.clone()))?;
-        area.draw(&Text::new(label(greatest), (left + shown_width as i32 - 56, numbers), style))?;
-        Ok(())
-    })?;
-    Ok(picture)
+        assert!(comparison.write_picture(&folder.path().join("d.txt")).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
 }

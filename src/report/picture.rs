@@ -53,7 +53,7 @@ impl Picture {
         Self::from_pixels(width, height, colours.iter().map(map).collect())
     }
 
-    /// Values in false colour by [`colour`] of their [`Decades`]; `None` becomes mid grey.
+    /// Values in false colour (viridis) by their place on `scale`; `None` becomes mid grey.
     ///
     /// # Panics
     /// When there are not `width * height` values.
@@ -148,7 +148,7 @@ impl Decades {
 }
 
 /// Colour of a place in [0, 1] on a scale, from dark blue to yellow with lightness rising evenly (viridis).
-pub fn colour(position: f64) -> RGBColor {
+pub(super) fn colour(position: f64) -> RGBColor {
     ViridisRGB::get_color(position)
 }
 

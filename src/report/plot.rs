@@ -30,7 +30,8 @@ pub struct Plot {
 pub struct Curve {
     /// Written in the legend.
     pub name: String,
-    /// Its points; those with a coordinate that is not positive have no place on logarithmic axes and are left out.
+    /// Its points. Those with a coordinate that is not positive, or twenty decades below the greatest, have no place on
+    /// the logarithmic axes and are left out.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -71,6 +72,7 @@ impl Plot {
             self.curves.iter().map(|curve| (curve.name.as_str(), curve.positive())).collect();
         let points = || curves.iter().flat_map(|(_, points)| points);
         let (x, y) = (range(points().map(|p| p.0)), range(points().map(|p| p.1)));
+        let inside = |p: &(f64, f64)| p.0 >= x.start && p.1 >= y.start;
 
         area.fill(&WHITE)?;
         let mut chart = ChartBuilder::on(area)
@@ -78,7 +80,7 @@ impl Plot {
             .margin(16)
             .x_label_area_size(48)
             .y_label_area_size(72)
-            .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+            .build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())?;
         let tick = |x: &f64| format!("{x:.0e}");
         chart
             .configure_mesh()
@@ -93,7 +95,7 @@ impl Plot {
         for (i, (name, points)) in curves.iter().enumerate() {
             let style = Palette99::pick(i).stroke_width(2);
             chart
-                .draw_series(LineSeries::new(points.iter().copied(), style))?
+                .draw_series(LineSeries::new(points.iter().copied().filter(inside), style))?
                 .label(*name)
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], style));
         }
@@ -116,13 +118,59 @@ impl Curve {
     }
 }
 
+/// Decades that an axis spans at most: what lies further below the greatest value is rounding.
+const DECADES: i32 = 20;
+
 /// From the least to the greatest value, widened where they are the same.
 fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     let (least, greatest) =
         values.fold((f64::INFINITY, 0.0f64), |(least, greatest), x| (least.min(x), greatest.max(x)));
-    match greatest / least {
-        ratio if ratio > 1.5 => least..greatest,
-        ratio if ratio >= 1.0 => least / 2.0..greatest * 2.0,
-        _ => 0.1..1.0,
+    if greatest == 0.0 {
+        return 0.1..1.0;
+    }
+    let least = least.max(greatest * 10f64.powi(-DECADES));
+    if greatest > 1.5 * least { least..greatest } else { least / 2.0..(greatest * 2.0).min(f64::MAX) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plot(points: &[(f64, f64)]) -> Plot {
+        let curves = vec![Curve { name: "isolines".into(), points: points.to_vec() }];
+        Plot { title: "Error".into(), x: "lines".into(), y: "RMSE".into(), curves }
+    }
+
+    fn svg(plot: &Plot) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.svg");
+        plot.write(&path).unwrap();
+        std::fs::read_to_string(path).unwrap()
+    }
+
+    #[test]
+    fn a_power_law_is_a_straight_line() {
+        let text = svg(&plot(&[(16.0, 1e-2), (64.0, 1.25e-3), (256.0, 1.5625e-4)]));
+        assert!(text.contains("isolines") && text.contains("RMSE"));
+        let line = text.split("<polyline").find(|element| element.contains("stroke-width=\"2\"")).unwrap();
+        let points: Vec<f64> = line
+            .split('"')
+            .find(|part| part.contains(',') && !part.contains('#'))
+            .unwrap()
+            .split([' ', ','])
+            .filter(|part| !part.is_empty())
+            .map(|x| x.parse().unwrap())
+            .collect();
+        let [x0, y0, x1, y1, x2, y2] = points[..] else { panic!("{points:?}") };
+        assert!((x1 - x0 - (x2 - x1)).abs() <= 1.0 && (y1 - y0 - (y2 - y1)).abs() <= 1.0, "{points:?}");
+        assert!(x1 > x0 && y1 > y0);
+    }
+
+    #[test]
+    fn degenerate_curves_are_drawn_all_the_same() {
+        for points in [&[][..], &[(1.0, 1.0)], &[(0.0, -1.0), (f64::NAN, 1.0)], &[(1.0, 1e-300), (2.0, 1e300)]] {
+            svg(&plot(points));
+        }
+        svg(&Plot { curves: vec![], ..plot(&[]) });
     }
 }

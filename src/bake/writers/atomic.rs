@@ -105,7 +105,7 @@ mod tests {
         })
         .unwrap_err();
         assert!(names(folder.path()).is_empty());
-        atomically(&path, |file| Ok(file.write_all(b"whole").unwrap())).unwrap();
+        atomically(&path, |file| file.write_all(b"whole").map_err(|error| Error::file(&path, error))).unwrap();
         assert_eq!(names(folder.path()), ["a.txt"]);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "whole");
         #[cfg(unix)]

@@ -61,9 +61,11 @@ fn write(path: &Path, size: (usize, usize), channels: Vec<Channel>, provenance: 
         .into_iter()
         .map(|channel| AnyChannel::new(text(&channel.name), FlatSamples::F32(channel.values)))
         .collect();
-    let mut attributes = LayerAttributes::default();
-    attributes.software_name = Some(text(&format!("silhouette {}", provenance.version)));
-    attributes.comments = Some(text(&provenance.command_line));
+    let mut attributes = LayerAttributes {
+        software_name: Some(text(&format!("silhouette {}", provenance.version))),
+        comments: Some(text(&provenance.command_line)),
+        ..LayerAttributes::default()
+    };
     // One attribute for everything: a map's order would change from run to run.
     attributes.other.insert(text(PROVENANCE), AttributeValue::Text(text(&provenance.to_json())));
     let encoding =

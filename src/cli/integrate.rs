@@ -1,0 +1,84 @@
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::Error;
+use crate::bake::writers::{Format, Layout, check_target, npz};
+use crate::bake::{Provenance, Request, flip_phase, integrate};
+
+use super::Failure;
+use super::options::{HarmonicsOptions, LightOptions, MethodOptions, RunOptions, provenance};
+use super::terminal::Terminal;
+
+/// Integrates visibility and light at any points
+#[derive(Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Integrate {
+    /// Meshes that cast shadows: .obj, .gltf, .glb, .ply
+    #[arg(required = true, value_name = "MESH")]
+    meshes: Vec<PathBuf>,
+    /// NumPy archive to write
+    #[arg(short, long, value_name = "OUT.npz")]
+    output: PathBuf,
+    /// Receivers: .npy of N x 6, or text with six columns: position and unit normal [default: all vertices]
+    #[arg(long, value_name = "FILE")]
+    points: Option<PathBuf>,
+    #[command(flatten)]
+    method: MethodOptions,
+    #[command(flatten)]
+    harmonics: HarmonicsOptions,
+    #[command(flatten)]
+    light: LightOptions,
+    #[command(flatten)]
+    run: RunOptions,
+}
+
+const EXAMPLES: &str = "\
+Writes doubles, row i for point i:
+  ambient_occlusion [N]         1/pi integral of V max(0, n.w); 1 = open
+  visibility_sh [N, order^2]    integral of V [n.w > 0] y
+  transfer_sh [N, order^2]      1/pi integral of V max(0, n.w) y
+and with --environment
+  irradiance [N, 3]             integral of L V max(0, n.w)
+  vector_irradiance [N, 3, 3]   integral of L V [n.w > 0] w; colours, then axes
+
+Examples:
+  silhouette integrate bunny.obj -o bunny.npz
+  silhouette integrate bunny.obj --points probes.npy --isolines 512 -o probes.npz
+  silhouette integrate a.glb b.ply --environment sky.exr --up z --stats stats.json -o light.npz
+  silhouette integrate bunny.obj --method qmc --samples 65536 -o judge.npz";
+
+impl Integrate {
+    /// Integrates and writes the archive.
+    pub fn run(&self) -> Result<(), Failure> {
+        let method = self.method.method()?;
+        if Format::of(&self.output, Layout::Vertices)? != Format::Npz {
+            return Err(Error::file(&self.output, "integrate writes .npz").into());
+        }
+        check_target(&self.output, Layout::Vertices)?;
+        let lit = self.light.environment.is_some();
+        let request = Request {
+            order: self.harmonics.order,
+            ambient_occlusion: true,
+            visibility_sh: true,
+            transfer_sh: true,
+            bent_normal: false,
+            irradiance: lit,
+            vector_irradiance: lit,
+        };
+        let meshes = self.meshes.iter().map(|mesh| mesh.display().to_string()).collect::<Vec<_>>().join(", ");
+        let points = self.points.as_ref().map_or("vertices".into(), |points| points.display().to_string());
+        let provenance = provenance(method).with("order", request.order).with("meshes", meshes).with("points", points);
+        let provenance = self.light.record(provenance);
+
+        let resumed = self.run.resumed(&self.output, &provenance)?;
+        let terminal = Terminal::new(self.run.quiet);
+        let outcome = integrate(&request, method, self.run.threads(), resumed, &terminal);
+        terminal.finish();
+        let arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+        let phase = self.harmonics.phase();
+        let arrays = if phase == provenance.sh_phase { arrays } else { flip_phase(arrays, 1)? };
+        npz::write(&self.output, &arrays, &Provenance { sh_phase: phase, ..provenance })?;
+        Ok(())
+    }
+}
