@@ -6,7 +6,7 @@ use std::ops::{Deref, Range};
 const FLAG: u32 = 1 << 31;
 
 /// The use of an edge by one of its faces: the face, and whether it runs along the edge or against it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Incidence(u32);
 
 impl Incidence {
@@ -63,6 +63,13 @@ impl Record {
     pub(crate) fn regular(self) -> Option<[u32; 2]> {
         let [f, g] = self.faces;
         (self.b & FLAG == 0 && f & FLAG == 0 && g & FLAG != 0).then_some([f, g & !FLAG])
+    }
+
+    /// The face if there is only one.
+    #[inline(always)]
+    pub(crate) fn lone(self) -> Option<Incidence> {
+        let [f, g] = self.faces;
+        (self.b & FLAG == 0 && f == g).then_some(Incidence(f))
     }
 }
 
