@@ -73,6 +73,14 @@ impl Record {
     }
 }
 
+#[cfg(test)]
+impl Record {
+    /// Loses the last face of a fan.
+    pub(crate) fn shorten(&mut self) {
+        self.faces[1] -= 1;
+    }
+}
+
 /// All edges, and the edges of every face.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Edges {

@@ -3,6 +3,7 @@
 mod brute;
 mod build;
 mod candidates;
+mod check;
 mod contours;
 mod dual;
 mod edge;
@@ -11,6 +12,7 @@ mod face;
 mod node;
 mod numbering;
 mod query;
+mod statistics;
 mod tile;
 
 use std::sync::Arc;
@@ -20,10 +22,12 @@ use glam::Vec3;
 pub use crate::brute::brute_force;
 pub use crate::build::BuildOptions;
 pub use crate::candidates::{CandidateEdge, Candidates};
+pub use crate::check::Defect;
 pub use crate::contours::{Contour, Contours};
 pub use crate::edge::Incidence;
 pub use crate::error::Error;
 pub use crate::face::{face_normal, face_sign};
+pub use crate::statistics::Statistics;
 pub use crate::tile::Tile;
 
 /// A bounding volume hierarchy over the edges of a triangle mesh and the planes of their faces.
