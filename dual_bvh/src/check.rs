@@ -96,7 +96,7 @@ impl DualBvh {
         let balanced = self.balanced.edges;
         for edge in 0..self.edge_count() as u32 {
             let faces = self.edges.incidences(edge).len();
-            if (faces % 2 == 0) != ((edge as usize) < balanced) {
+            if faces.is_multiple_of(2) != ((edge as usize) < balanced) {
                 return Err(Defect::Parity { edge, faces });
             }
         }

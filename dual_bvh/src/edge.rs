@@ -215,7 +215,9 @@ pub(crate) fn sides(&[a, b, c]: &[u32; 3]) -> impl Iterator<Item = (u32, u32)> {
 mod tests {
     use super::*;
 
-    fn uses(edges: &Edges) -> Vec<([u32; 2], Vec<(u32, i8)>)> {
+    type Uses = Vec<(u32, i8)>;
+
+    fn uses(edges: &Edges) -> Vec<([u32; 2], Uses)> {
         (0..edges.records.len() as u32)
             .map(|edge| {
                 let faces = edges.incidences(edge).iter().map(|i| (i.face(), i.orientation())).collect();

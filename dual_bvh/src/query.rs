@@ -1,4 +1,5 @@
 //! The search: from a tile of receivers to the edges that may be contours for some of them.
+#![expect(clippy::needless_range_loop, reason = "lane by lane, over several arrays")]
 
 use glam::DVec3;
 
@@ -100,7 +101,7 @@ impl NodeTest {
             }
         }
         let (mut middle, mut spread) = ([0.0; WIDTH], [0.0; WIDTH]);
-        let mut kept = [true; WIDTH];
+        let mut dropped = [false; WIDTH];
         if DUAL {
             for j in 0..WIDTH {
                 let [x, y, z] = [q[0][j], q[1][j], q[2][j]];
@@ -108,7 +109,7 @@ impl NodeTest {
                 let [hx, hy, hz] = &node.normal_half;
                 middle[j] = nx[j] * x + ny[j] * y + nz[j] * z + node.offset[j];
                 spread[j] = hx[j] * x.abs() + hy[j] * y.abs() + hz[j] * z.abs() + node.offset_half[j];
-                kept[j] = !(middle[j].abs() > spread[j] + query.margin);
+                dropped[j] = middle[j].abs() > spread[j] + query.margin;
             }
         }
         if let Some(Horizon { normal: [nx, ny, nz], half: [hx, hy, hz], size: [sx, sy, sz], margin }) = &query.horizon {
@@ -117,10 +118,10 @@ impl NodeTest {
                 let [x, y, z] = [q[0][j], q[1][j], q[2][j]];
                 let depth = nx * x + ny * y + nz * z;
                 let reach = (sx * bx[j] + sy * by[j] + sz * bz[j]) + (hx * x.abs() + hy * y.abs() + hz * z.abs());
-                kept[j] &= !(depth > reach + margin);
+                dropped[j] |= depth > reach + margin;
             }
         }
-        Self { kept: bits(&kept), q, middle, spread }
+        Self { kept: !bits(&dropped), q, middle, spread }
     }
 
     /// The terms of child `j`, a leaf.
@@ -161,12 +162,13 @@ impl LeafHit {
                     + fd * f32::from(kd[j]);
             }
         }
-        let mut kept = [true; WIDTH];
+        let mut dropped = [false; WIDTH];
         for j in 0..WIDTH {
             let (v, w, m) = (values[0][j], values[1][j], self.margin);
-            kept[j] = !((v > m) & (w > m) | (v < -m) & (w < -m)) | (leaf.planes[0][3][j] == FAN);
+            let certain = (v > m) & (w > m) | (v < -m) & (w < -m);
+            dropped[j] = certain & (leaf.planes[0][3][j] != FAN);
         }
-        bits(&kept)
+        !bits(&dropped)
     }
 }
 
@@ -207,6 +209,20 @@ impl DualBvh {
     #[target_feature(enable = "avx2")]
     fn search_avx2(&self, tile: &Tile<'_>, out: &mut Candidates) {
         self.search_inline(tile, out);
+    }
+
+    /// Makes every edge a candidate, for receivers anywhere: the twin of [`DualBvh::search`] without the tree, which finds the same
+    /// contours, and does it faster in small meshes if it serves many receivers.
+    pub fn all_edges(&self, out: &mut Candidates) {
+        out.clear(self);
+        let mut scratch = std::mem::take(&mut out.scratch);
+        scratch.hits.clear();
+        scratch.hits.extend(0..self.edge_count() as u32);
+        (out.nodes_tested, out.edges_tested) = (0, self.edge_count() as u64);
+        let mut everywhere = Tile::lone(DVec3::ZERO, None);
+        everywhere.radius = f64::INFINITY;
+        self.collect(&everywhere, &mut scratch, out);
+        out.scratch = scratch;
     }
 
     #[inline(always)]
