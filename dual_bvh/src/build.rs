@@ -49,7 +49,8 @@ impl DualBvh {
         let balanced = {
             let dual = Dual::new(&positions, &triangles, &edges);
             let numbers = 0..edges.records.len() as u32;
-            let (mut even, mut odd) = numbers.partition::<Vec<u32>, _>(|&edge| edges.incidences(edge).len() % 2 == 0);
+            let (mut even, mut odd) =
+                numbers.partition::<Vec<u32>, _>(|&edge| edges.incidences(edge).len().is_multiple_of(2));
             arrange(&mut even, &dual, options.normal_weight);
             arrange(&mut odd, &dual, 0.0);
             let balanced = even.len();

@@ -7,7 +7,7 @@ use crate::numbering::Numbering;
 use crate::query::Scratch;
 
 /// An edge that may be a contour for some receiver of a tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CandidateEdge {
     /// Start: an index into [`Candidates::vertices`]. Of the two ends, that of the smaller number in the mesh.
     pub a: u32,
@@ -26,6 +26,7 @@ pub struct CandidateEdge {
 /// reused.
 #[derive(Clone, Debug, Default)]
 pub struct Candidates {
+    // All buffers may be longer than what they hold.
     pub(crate) vertices: Numbering,
     pub(crate) positions: Vec<DVec3>,
     pub(crate) faces: Numbering,
@@ -34,9 +35,13 @@ pub struct Candidates {
     /// First corners of the faces, by component.
     pub(crate) anchors: [Vec<f32>; 3],
     pub(crate) edges: Vec<CandidateEdge>,
+    pub(crate) edge_count: usize,
     pub(crate) incidences: Vec<Incidence>,
+    pub(crate) incidence_count: usize,
     /// The first edges have two faces that run in opposite directions, that along the edge first.
     pub(crate) regular: usize,
+    /// The next ones have one face.
+    pub(crate) border: usize,
     pub(crate) nodes_tested: u64,
     pub(crate) edges_tested: u64,
     pub(crate) scratch: Scratch,
@@ -50,7 +55,7 @@ impl Candidates {
 
     /// Positions of the vertices.
     pub fn positions(&self) -> &[DVec3] {
-        &self.positions
+        &self.positions[..self.vertices().len()]
     }
 
     /// Numbers in the mesh of the candidates' faces.
@@ -70,12 +75,12 @@ impl Candidates {
 
     /// The candidate edges.
     pub fn edges(&self) -> &[CandidateEdge] {
-        &self.edges
+        &self.edges[..self.edge_count]
     }
 
     /// The faces, by local number, of all edges, one after the other.
     pub fn incidences(&self) -> &[Incidence] {
-        &self.incidences
+        &self.incidences[..self.incidence_count]
     }
 
     /// The faces, by local number, of one edge.
@@ -119,48 +124,48 @@ impl Candidates {
 
     #[inline(always)]
     fn contours_inline(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        let Contours { signs, buffer, len } = out;
-        signs.clear();
-        signs.resize(self.faces().len(), 0);
-        self.signs(receiver.to_array(), signs);
+        out.room(self.faces().len(), self.edges().len());
+        let signs = &mut out.signs[..self.faces().len()];
+        self.signs(receiver, signs);
         for &face in excluded {
             if let Some(local) = self.local_face(face) {
                 signs[local as usize] = 0;
             }
         }
 
-        if buffer.len() < self.edges.len() {
-            buffer.resize(self.edges.len(), Contour::default());
+        // Every edge is written, contours stay: which they are is hard to predict.
+        let buffer = &mut out.buffer[..self.edges().len()];
+        let mut count = 0;
+        let mut put = |edge: usize, jump: i32| {
+            buffer[count] = Contour { edge: edge as u32, jump };
+            count += usize::from(jump != 0);
+        };
+        let (regular, rest) = self.incidences().split_at(2 * self.regular);
+        let border = &rest[..self.border];
+        for (edge, uses) in regular.chunks_exact(2).enumerate() {
+            put(edge, i32::from(signs[uses[0].face() as usize]) - i32::from(signs[uses[1].face() as usize]));
         }
-        let mut found = 0;
-        let (regular, rest) = self.incidences.split_at(2 * self.regular);
-        for (edge, pair) in regular.chunks_exact(2).enumerate() {
-            let jump = signs[pair[0].face() as usize] - signs[pair[1].face() as usize];
-            buffer[found] = Contour { edge: edge as u32, jump: i32::from(jump) };
-            found += usize::from(jump != 0);
+        let jump = |use_: &Incidence| i32::from(use_.orientation()) * i32::from(signs[use_.face() as usize]);
+        for (i, use_) in border.iter().enumerate() {
+            put(self.regular + i, jump(use_));
         }
-        let offset = regular.len();
-        for (edge, candidate) in self.edges.iter().enumerate().skip(self.regular) {
-            let first = candidate.first as usize - offset;
-            let jump = rest[first..first + candidate.len as usize]
-                .iter()
-                .map(|use_| i32::from(use_.orientation()) * i32::from(signs[use_.face() as usize]))
-                .sum();
-            buffer[found] = Contour { edge: edge as u32, jump };
-            found += usize::from(jump != 0);
+        for (edge, candidate) in self.edges().iter().enumerate().skip(self.regular + self.border) {
+            put(edge, self.faces_of(candidate).iter().map(jump).sum());
         }
-        *len = found;
+        out.count = count;
     }
 
     /// The sides of all faces on which the receiver lies.
     #[inline(always)]
-    fn signs(&self, p: [f64; 3], signs: &mut [i8]) {
+    fn signs(&self, p: DVec3, signs: &mut [i8]) {
         let count = signs.len();
-        let [nx, ny, nz] = self.normals.each_ref().map(|lanes| &lanes[..count]);
-        let [ax, ay, az] = self.anchors.each_ref().map(|lanes| &lanes[..count]);
+        let [nx, ny, nz] = &self.normals;
+        let [ax, ay, az] = &self.anchors;
+        let (nx, ny, nz) = (&nx[..count], &ny[..count], &nz[..count]);
+        let (ax, ay, az) = (&ax[..count], &ay[..count], &az[..count]);
         for i in 0..count {
-            let anchor = [ax[i], ay[i], az[i]].map(f64::from);
-            signs[i] = sign(plane_value([nx[i], ny[i], nz[i]], anchor, p));
+            let anchor = DVec3::new(f64::from(ax[i]), f64::from(ay[i]), f64::from(az[i]));
+            signs[i] = sign(plane_value(DVec3::new(nx[i], ny[i], nz[i]), anchor, p));
         }
     }
 }

@@ -12,20 +12,32 @@ pub struct Contour {
 /// The contours of one receiver, see [`crate::Candidates::contours`]. Keep it and use it again: its memory is reused.
 #[derive(Clone, Debug, Default)]
 pub struct Contours {
+    // Both buffers may be longer than what they hold.
     pub(crate) signs: Vec<i8>,
-    /// Longer than the contours: written before it is known whether an edge is one.
+    face_count: usize,
     pub(crate) buffer: Vec<Contour>,
-    pub(crate) len: usize,
+    pub(crate) count: usize,
 }
 
 impl Contours {
     /// The side of each of the candidates' faces on which the receiver lies, by local number: 1 or -1, 0 for an excluded face.
     pub fn signs(&self) -> &[i8] {
-        &self.signs
+        &self.signs[..self.face_count]
     }
 
     /// The contours, in the order of the candidates.
     pub fn edges(&self) -> &[Contour] {
-        &self.buffer[..self.len]
+        &self.buffer[..self.count]
+    }
+
+    /// Makes room for the signs of so many faces, and for so many contours.
+    pub(crate) fn room(&mut self, faces: usize, edges: usize) {
+        if self.signs.len() < faces {
+            self.signs.resize(faces, 0);
+        }
+        if self.buffer.len() < edges {
+            self.buffer.resize(edges, Contour::default());
+        }
+        (self.face_count, self.count) = (faces, 0);
     }
 }

@@ -6,7 +6,7 @@ use std::ops::{Deref, Range};
 const FLAG: u32 = 1 << 31;
 
 /// The use of an edge by one of its faces: the face, and whether it runs along the edge or against it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Incidence(u32);
 
 impl Incidence {
@@ -63,6 +63,21 @@ impl Record {
     pub(crate) fn regular(self) -> Option<[u32; 2]> {
         let [f, g] = self.faces;
         (self.b & FLAG == 0 && f & FLAG == 0 && g & FLAG != 0).then_some([f, g & !FLAG])
+    }
+
+    /// The face if there is only one.
+    #[inline(always)]
+    pub(crate) fn lone(self) -> Option<Incidence> {
+        let [f, g] = self.faces;
+        (self.b & FLAG == 0 && f == g).then_some(Incidence(f))
+    }
+}
+
+#[cfg(test)]
+impl Record {
+    /// Loses the last face of a fan.
+    pub(crate) fn shorten(&mut self) {
+        self.faces[1] -= 1;
     }
 }
 
@@ -200,7 +215,9 @@ pub(crate) fn sides(&[a, b, c]: &[u32; 3]) -> impl Iterator<Item = (u32, u32)> {
 mod tests {
     use super::*;
 
-    fn uses(edges: &Edges) -> Vec<([u32; 2], Vec<(u32, i8)>)> {
+    type Uses = Vec<(u32, i8)>;
+
+    fn uses(edges: &Edges) -> Vec<([u32; 2], Uses)> {
         (0..edges.records.len() as u32)
             .map(|edge| {
                 let faces = edges.incidences(edge).iter().map(|i| (i.face(), i.orientation())).collect();

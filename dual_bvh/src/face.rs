@@ -7,18 +7,16 @@ use glam::{DVec3, Vec3};
 /// Every caller must get the same bits from the same corners in the same order: the operations below are the definition.
 #[inline(always)]
 pub fn face_normal(a: Vec3, b: Vec3, c: Vec3) -> DVec3 {
-    let [ax, ay, az] = a.to_array().map(f64::from);
-    let [bx, by, bz] = b.to_array().map(f64::from);
-    let [cx, cy, cz] = c.to_array().map(f64::from);
-    let (ux, uy, uz) = (bx - ax, by - ay, bz - az);
-    let (vx, vy, vz) = (cx - ax, cy - ay, cz - az);
+    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+    let (ux, uy, uz) = (b.x - a.x, b.y - a.y, b.z - a.z);
+    let (vx, vy, vz) = (c.x - a.x, c.y - a.y, c.z - a.z);
     DVec3::new(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)
 }
 
 /// n . (p - a), evaluated from left to right without fused operations.
 #[inline(always)]
-pub(crate) fn plane_value(n: [f64; 3], a: [f64; 3], p: [f64; 3]) -> f64 {
-    n[0] * (p[0] - a[0]) + n[1] * (p[1] - a[1]) + n[2] * (p[2] - a[2])
+pub(crate) fn plane_value(n: DVec3, a: DVec3, p: DVec3) -> f64 {
+    n.x * (p.x - a.x) + n.y * (p.y - a.y) + n.z * (p.z - a.z)
 }
 
 /// Sign of a plane value: zero counts as positive.
@@ -35,7 +33,7 @@ pub(crate) fn sign(value: f64) -> i8 {
 /// counts crossings of the same faces has to use it too.
 #[inline]
 pub fn face_sign(p: DVec3, a: Vec3, b: Vec3, c: Vec3) -> i8 {
-    sign(plane_value(face_normal(a, b, c).to_array(), a.to_array().map(f64::from), p.to_array()))
+    sign(plane_value(face_normal(a, b, c), a.as_dvec3(), p))
 }
 
 #[cfg(test)]

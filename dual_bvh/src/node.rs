@@ -221,8 +221,13 @@ impl Tree {
         (index * capacity).min(self.edges)..((index + 1) * capacity).min(self.edges)
     }
 
-    /// Bytes held.
-    pub(crate) fn bytes(&self) -> [usize; 2] {
-        [self.levels.iter().map(|level| size_of_val(&**level)).sum(), size_of_val(&*self.leaves)]
+    /// Bytes of all nodes.
+    pub(crate) fn node_bytes(&self) -> usize {
+        self.levels.iter().map(|level| size_of_val(&**level)).sum()
+    }
+
+    /// Bytes of all leaves.
+    pub(crate) fn leaf_bytes(&self) -> usize {
+        size_of_val(&*self.leaves)
     }
 }

@@ -4,40 +4,52 @@
 /// for.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Numbering {
+    /// Only the first `count` count.
     globals: Vec<u32>,
+    count: usize,
     locals: Vec<u32>,
 }
 
 impl Numbering {
-    /// Forgets all local numbers, and makes room for global ones below `count`.
-    pub(crate) fn clear(&mut self, count: usize) {
-        self.globals.clear();
-        if self.locals.len() < count {
-            self.locals.resize(count, 0);
+    /// Forgets all local numbers, and makes room for global ones below `bound`.
+    pub(crate) fn clear(&mut self, bound: usize) {
+        self.count = 0;
+        if self.locals.len() < bound {
+            self.locals.resize(bound, 0);
         }
     }
 
-    /// Local number of `global`, the next free one if it has none yet.
+    /// Makes room for `more` local numbers.
+    pub(crate) fn reserve(&mut self, more: usize) {
+        if self.globals.len() < self.count + more {
+            self.globals.resize(self.count + more, 0);
+        }
+    }
+
+    /// Local number of `global`, the next free one if it has none yet; there must be room for one.
+    ///
+    /// Without a branch on whether there is one, which nobody could predict.
     #[inline(always)]
     pub(crate) fn insert(&mut self, global: u32) -> u32 {
-        let local = &mut self.locals[global as usize];
-        if self.globals.get(*local as usize) != Some(&global) {
-            *local = self.globals.len() as u32;
-            self.globals.push(global);
-        }
-        *local
+        let slot = &mut self.locals[global as usize];
+        let old = *slot as usize;
+        let known = (old < self.count) & (self.globals[old] == global);
+        self.globals[self.count] = global;
+        let local = if known { old } else { self.count };
+        *slot = local as u32;
+        self.count += usize::from(!known);
+        local as u32
     }
 
     /// Local number of `global`, if it has one.
-    #[inline(always)]
     pub(crate) fn get(&self, global: u32) -> Option<u32> {
         let &local = self.locals.get(global as usize)?;
-        (self.globals.get(local as usize) == Some(&global)).then_some(local)
+        (self.globals().get(local as usize) == Some(&global)).then_some(local)
     }
 
     /// Global numbers in the order of the local ones.
     pub(crate) fn globals(&self) -> &[u32] {
-        &self.globals
+        &self.globals[..self.count]
     }
 }
 
@@ -49,6 +61,7 @@ mod tests {
     fn numbers_are_given_in_order_and_forgotten_when_cleared() {
         let mut numbering = Numbering::default();
         numbering.clear(10);
+        numbering.reserve(5);
         assert_eq!([7, 3, 7, 9, 3].map(|global| numbering.insert(global)), [0, 1, 0, 2, 1]);
         assert_eq!(numbering.globals(), [7, 3, 9]);
         numbering.clear(10);

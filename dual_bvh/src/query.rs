@@ -1,4 +1,5 @@
 //! The search: from a tile of receivers to the edges that may be contours for some of them.
+#![expect(clippy::needless_range_loop, reason = "lane by lane, over several arrays")]
 
 use glam::DVec3;
 
@@ -15,8 +16,12 @@ pub(crate) struct Scratch {
     children: Vec<u32>,
     leaves: Vec<LeafHit>,
     hits: Vec<u32>,
-    /// Found edges other than those with two faces in opposite directions.
-    irregular: Vec<u32>,
+    /// Vertices and faces of the found edges with two faces in opposite directions.
+    regular: Vec<([u32; 2], [u32; 2])>,
+    /// Vertices and faces of the found edges with one face.
+    border: Vec<([u32; 2], Incidence)>,
+    /// The other found edges.
+    other: Vec<u32>,
     /// One bit an edge: set for edges of excluded faces, which are found without the tree.
     excluded: Vec<u8>,
 }
@@ -96,7 +101,7 @@ impl NodeTest {
             }
         }
         let (mut middle, mut spread) = ([0.0; WIDTH], [0.0; WIDTH]);
-        let mut kept = [true; WIDTH];
+        let mut dropped = [false; WIDTH];
         if DUAL {
             for j in 0..WIDTH {
                 let [x, y, z] = [q[0][j], q[1][j], q[2][j]];
@@ -104,7 +109,7 @@ impl NodeTest {
                 let [hx, hy, hz] = &node.normal_half;
                 middle[j] = nx[j] * x + ny[j] * y + nz[j] * z + node.offset[j];
                 spread[j] = hx[j] * x.abs() + hy[j] * y.abs() + hz[j] * z.abs() + node.offset_half[j];
-                kept[j] = !(middle[j].abs() > spread[j] + query.margin);
+                dropped[j] = middle[j].abs() > spread[j] + query.margin;
             }
         }
         if let Some(Horizon { normal: [nx, ny, nz], half: [hx, hy, hz], size: [sx, sy, sz], margin }) = &query.horizon {
@@ -113,11 +118,10 @@ impl NodeTest {
                 let [x, y, z] = [q[0][j], q[1][j], q[2][j]];
                 let depth = nx * x + ny * y + nz * z;
                 let reach = (sx * bx[j] + sy * by[j] + sz * bz[j]) + (hx * x.abs() + hy * y.abs() + hz * z.abs());
-                kept[j] &= !(depth > reach + margin);
+                dropped[j] |= depth > reach + margin;
             }
         }
-        let kept = (0..WIDTH).fold(0, |bits, j| bits | u32::from(kept[j]) << j);
-        Self { kept, q, middle, spread }
+        Self { kept: !bits(&dropped), q, middle, spread }
     }
 
     /// The terms of child `j`, a leaf.
@@ -158,19 +162,30 @@ impl LeafHit {
                     + fd * f32::from(kd[j]);
             }
         }
-        let mut kept = [true; WIDTH];
+        let mut dropped = [false; WIDTH];
         for j in 0..WIDTH {
             let (v, w, m) = (values[0][j], values[1][j], self.margin);
-            kept[j] = !((v > m) & (w > m) | (v < -m) & (w < -m)) | (leaf.planes[0][3][j] == FAN);
+            let certain = (v > m) & (w > m) | (v < -m) & (w < -m);
+            dropped[j] = certain & (leaf.planes[0][3][j] != FAN);
         }
-        (0..WIDTH).fold(0, |bits, j| bits | u32::from(kept[j]) << j)
+        !bits(&dropped)
     }
+}
+
+/// One bit a lane.
+#[inline(always)]
+fn bits(lanes: &[bool; WIDTH]) -> u32 {
+    let mut bits = [0u32; WIDTH];
+    for j in 0..WIDTH {
+        bits[j] = if lanes[j] { 1 << j } else { 0 };
+    }
+    bits.iter().fold(0, |all, bit| all | bit)
 }
 
 /// The side of a plane, through `anchor` with normal `n` of any length, on which all of a tile lies; none if that is not certain.
 #[inline(always)]
 pub(crate) fn certain_sign(tile: &Tile<'_>, n: DVec3, anchor: DVec3) -> Option<i8> {
-    let value = plane_value(n.to_array(), anchor.to_array(), tile.center.to_array());
+    let value = plane_value(n, anchor, tile.center);
     // Rounding of the value, at the centre and at the receiver, is below 16 units of roundoff of the length of its terms.
     let arm = (tile.center - anchor).abs().element_sum() + tile.radius;
     let bound = n.length() * (tile.radius + 16.0 * f64::EPSILON * arm) + f64::MIN_POSITIVE;
@@ -196,6 +211,20 @@ impl DualBvh {
         self.search_inline(tile, out);
     }
 
+    /// Makes every edge a candidate, for receivers anywhere: the twin of [`DualBvh::search`] without the tree, which finds the same
+    /// contours, and does it faster in small meshes if it serves many receivers.
+    pub fn all_edges(&self, out: &mut Candidates) {
+        out.clear(self);
+        let mut scratch = std::mem::take(&mut out.scratch);
+        scratch.hits.clear();
+        scratch.hits.extend(0..self.edge_count() as u32);
+        (out.nodes_tested, out.edges_tested) = (0, self.edge_count() as u64);
+        let mut everywhere = Tile::lone(DVec3::ZERO, None);
+        everywhere.radius = f64::INFINITY;
+        self.collect(&everywhere, &mut scratch, out);
+        out.scratch = scratch;
+    }
+
     #[inline(always)]
     fn search_inline(&self, tile: &Tile<'_>, out: &mut Candidates) {
         let query = Query::new(tile);
@@ -219,6 +248,8 @@ impl DualBvh {
             leaves.push(test.leaf(leaf, j, node, query));
         });
         let mut edges = 0;
+        let mut found = hits.len();
+        room(hits, found + WIDTH * leaves.len());
         for hit in &*leaves {
             let live = (self.balanced.edges - WIDTH * hit.leaf as usize).min(WIDTH);
             edges += live as u64;
@@ -226,11 +257,16 @@ impl DualBvh {
             if let Some(&bits) = excluded.get(hit.leaf as usize) {
                 kept &= !u32::from(bits);
             }
-            while kept != 0 {
-                hits.push(WIDTH as u32 * hit.leaf + kept.trailing_zeros());
-                kept &= kept - 1;
+            // All are written, the kept ones stay: how many there are is hard to predict.
+            let hits = &mut hits[found..found + WIDTH];
+            let mut next = 0;
+            for j in 0..WIDTH {
+                hits[next] = (WIDTH * hit.leaf as usize + j) as u32;
+                next += (kept >> j & 1) as usize;
             }
+            found += next;
         }
+        hits.truncate(found);
         [tested, edges]
     }
 
@@ -255,48 +291,82 @@ impl DualBvh {
         })
     }
 
-    /// Turns the hits into candidates.
+    /// Turns the hits into candidates, in simple passes, each of which lets many loads overlap.
     #[inline(always)]
     fn collect(&self, tile: &Tile<'_>, scratch: &mut Scratch, out: &mut Candidates) {
-        let Scratch { hits, irregular, .. } = scratch;
-        irregular.clear();
+        let Scratch { hits, regular, border, other, .. } = scratch;
+        regular.clear();
+        border.clear();
+        other.clear();
         for &edge in &*hits {
             let record = self.edges.records[edge as usize];
-            let Some(faces) = record.regular() else {
-                irregular.push(edge);
-                continue;
-            };
-            let first = out.incidences.len() as u32;
-            let [a, b] = record.vertices().map(|vertex| out.vertices.insert(vertex));
-            let [f, g] = faces.map(|face| out.faces.insert(face));
-            out.incidences.extend([Incidence::new(f, false), Incidence::new(g, true)]);
-            out.edges.push(CandidateEdge { a, b, first, len: 2 });
+            if let Some(faces) = record.regular() {
+                regular.push((record.vertices(), faces));
+            } else if let Some(use_) = record.lone() {
+                border.push((record.vertices(), use_));
+            } else if !record.fan().is_some_and(|fan| self.is_fan_certain(tile, &self.edges.fans[fan])) {
+                other.push(edge);
+            }
         }
-        out.regular = out.edges.len();
-        for &edge in &*irregular {
-            let uses = self.edges.incidences(edge);
-            if uses.len() > 2 && self.is_fan_certain(tile, &uses) {
-                continue;
-            }
-            let first = out.incidences.len() as u32;
-            let [a, b] = self.edges.records[edge as usize].vertices().map(|vertex| out.vertices.insert(vertex));
-            for use_ in &*uses {
-                let face = out.faces.insert(use_.face());
-                out.incidences.push(use_.with_face(face));
-            }
-            out.edges.push(CandidateEdge { a, b, first, len: uses.len() as u32 });
+        out.regular = regular.len();
+        out.border = border.len();
+        out.edge_count = regular.len() + border.len() + other.len();
+
+        room(&mut out.edges, out.edge_count);
+        out.vertices.reserve(2 * out.edge_count + 1);
+        let (pairs, rest) = out.edges.split_at_mut(out.regular);
+        let (lone, rest) = rest.split_at_mut(out.border);
+        let mut first = 0;
+        for (edge, &([a, b], _)) in pairs.iter_mut().zip(&*regular) {
+            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 2 };
+            first += 2;
+        }
+        for (edge, &([a, b], _)) in lone.iter_mut().zip(&*border) {
+            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 1 };
+            first += 1;
+        }
+        for (edge, &other) in rest.iter_mut().zip(&*other) {
+            let [a, b] = self.edges.records[other as usize].vertices();
+            let len = self.edges.incidences(other).len() as u32;
+            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len };
+            first += len;
         }
 
-        out.positions.extend(out.vertices.globals().iter().map(|&v| self.positions[v as usize].as_dvec3()));
-        let count = out.faces.globals().len();
-        out.normals.iter_mut().for_each(|lanes| lanes.resize(count, 0.0));
-        out.anchors.iter_mut().for_each(|lanes| lanes.resize(count, 0.0));
-        let [nx, ny, nz] = out.normals.each_mut().map(|lanes| &mut lanes[..count]);
-        let [ax, ay, az] = out.anchors.each_mut().map(|lanes| &mut lanes[..count]);
-        for (i, &face) in out.faces.globals().iter().enumerate() {
-            let [a, b, c] = self.triangles[face as usize].map(|vertex| self.positions[vertex as usize]);
-            [nx[i], ny[i], nz[i]] = face_normal(a, b, c).to_array();
-            [ax[i], ay[i], az[i]] = a.to_array();
+        out.incidence_count = first as usize;
+        room(&mut out.incidences, out.incidence_count);
+        out.faces.reserve(out.incidence_count + 1);
+        let (pairs, rest) = out.incidences.split_at_mut(2 * out.regular);
+        let (lone, rest) = rest.split_at_mut(out.border);
+        for (uses, &(_, [f, g])) in pairs.chunks_exact_mut(2).zip(&*regular) {
+            uses[0] = Incidence::new(out.faces.insert(f), false);
+            uses[1] = Incidence::new(out.faces.insert(g), true);
+        }
+        let number =
+            |(local, use_): (&mut Incidence, Incidence)| *local = use_.with_face(out.faces.insert(use_.face()));
+        let others = other.iter().flat_map(|&edge| self.edge_faces(edge));
+        lone.iter_mut().zip(border.iter().map(|&(_, use_)| use_)).chain(rest.iter_mut().zip(others)).for_each(number);
+
+        let vertices = out.vertices.globals();
+        room(&mut out.positions, vertices.len());
+        for (position, &vertex) in out.positions.iter_mut().zip(vertices) {
+            *position = self.positions[vertex as usize].as_dvec3();
+        }
+        self.collect_planes(out);
+    }
+
+    #[inline(always)]
+    fn collect_planes(&self, out: &mut Candidates) {
+        let faces = out.faces.globals();
+        out.normals.iter_mut().for_each(|lanes| room(lanes, faces.len()));
+        out.anchors.iter_mut().for_each(|lanes| room(lanes, faces.len()));
+        let [nx, ny, nz] = &mut out.normals;
+        let [ax, ay, az] = &mut out.anchors;
+        for (i, &face) in faces.iter().enumerate() {
+            let [a, b, c] = self.triangles[face as usize];
+            let a = self.positions[a as usize];
+            let n = face_normal(a, self.positions[b as usize], self.positions[c as usize]);
+            (nx[i], ny[i], nz[i]) = (n.x, n.y, n.z);
+            (ax[i], ay[i], az[i]) = (a.x, a.y, a.z);
         }
     }
 
@@ -392,10 +462,12 @@ impl Candidates {
     fn clear(&mut self, bvh: &DualBvh) {
         self.vertices.clear(bvh.positions.len());
         self.faces.clear(bvh.triangles.len());
-        self.positions.clear();
-        self.normals.iter_mut().for_each(Vec::clear);
-        self.anchors.iter_mut().for_each(Vec::clear);
-        self.edges.clear();
-        self.incidences.clear();
+    }
+}
+
+/// Makes a buffer at least `len` long. What lies beyond the present length is garbage of earlier searches.
+fn room<T: Clone + Default>(buffer: &mut Vec<T>, len: usize) {
+    if buffer.len() < len {
+        buffer.resize(len, T::default());
     }
 }

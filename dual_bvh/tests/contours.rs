@@ -140,10 +140,13 @@ proptest! {
             .collect();
         let tile = Tile::new(receivers.iter().map(|&p| (p, None))).with_faces(&excluded);
         let shared = search(&tree, &tile);
+        let mut all = Candidates::default();
+        tree.all_edges(&mut all);
         for &p in &receivers {
             for excluded in [&[][..], &excluded] {
                 let expected = brute(&mesh, p, excluded);
                 prop_assert_eq!(&contours(&shared, p, excluded), &expected);
+                prop_assert_eq!(&contours(&all, p, excluded), &expected);
                 let lone = search(&tree, &Tile::lone(p, None).with_faces(excluded));
                 prop_assert_eq!(&contours(&lone, p, excluded), &expected);
             }
