@@ -55,14 +55,10 @@ impl Baker for ByRays<'_> {
     type Memory = Memory;
 
     fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Memory) -> Result<Counts> {
-        let radiance = self.environment.map(|environment| {
-            move |w| environment.radiance(w).as_dvec3().to_array()
-        });
+        let radiance = self.environment.map(|environment| move |w| environment.radiance(w).as_dvec3().to_array());
         // The bent normal follows from two bands of visibility.
-        let bands = [
-            self.request.visibility_sh.then_some(self.order),
-            self.request.bent_normal.then_some(Order::new(2)?),
-        ];
+        let bands =
+            [self.request.visibility_sh.then_some(self.order), self.request.bent_normal.then_some(Order::new(2)?)];
         let request = reference::Request {
             ambient_occlusion: self.request.ambient_occlusion,
             visibility_sh: bands.into_iter().flatten().max(),

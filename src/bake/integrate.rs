@@ -53,13 +53,7 @@ pub(super) trait Baker: Sync {
     type Memory: Default;
 
     /// Fills the rows of the tile's receivers.
-    fn tile(
-        &self,
-        receivers: &Receivers,
-        tile: &[u32],
-        rows: &mut [f64],
-        memory: &mut Self::Memory,
-    ) -> Result<Counts>;
+    fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Self::Memory) -> Result<Counts>;
 }
 
 /// Counts that add up over receivers.
@@ -172,7 +166,9 @@ impl Rows {
             let size: usize = shape.iter().product();
             let data = match partial.arrays.get(name) {
                 Some(array) if array.shape[1..] == shape[..] => &array.data,
-                _ => return Err(Error::input(format!("the finished part has no array {name} as asked for; begin anew"))),
+                _ => {
+                    return Err(Error::input(format!("the finished part has no array {name} as asked for; begin anew")));
+                }
             };
             for (row, part) in rows.values.chunks_exact_mut(width).zip(data.chunks_exact(size)) {
                 row[*offset..*offset + size].copy_from_slice(part);
@@ -193,7 +189,8 @@ impl Rows {
             let size: usize = shape.iter().product();
             let rows = self.values.chunks_exact(self.width);
             let data = rows.flat_map(|row| &row[*offset..*offset + size]).copied().collect();
-            let shape: Vec<usize> = std::iter::once(self.values.len() / self.width).chain(shape.iter().copied()).collect();
+            let shape: Vec<usize> =
+                std::iter::once(self.values.len() / self.width).chain(shape.iter().copied()).collect();
             arrays.push(Array::new(name.as_str(), shape, data))?;
         }
         Ok(arrays)

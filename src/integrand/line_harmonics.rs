@@ -348,7 +348,10 @@ mod tests {
             for quadrant in 0..4 {
                 for (line, from, to) in [(lines / 8, 0.1, 0.4), (lines / 2, 0.0, 0.7), (lines - lines / 4, 0.55, 1.0)] {
                     let interval = Interval { line, quadrant, from, to };
-                    let (a, b) = (integrate(&table, quadrant % 3, [interval]), quadrature(order, &isolines, quadrant % 3, interval));
+                    let (a, b) = (
+                        integrate(&table, quadrant % 3, [interval]),
+                        quadrature(order, &isolines, quadrant % 3, interval),
+                    );
                     worst = a.iter().zip(&b).fold(worst, |w, (a, b)| w.max((a - b).abs()));
                 }
             }

@@ -1,9 +1,12 @@
 //! Tables and pictures of errors.
 
 mod compare;
+mod inspection;
+mod orthographic;
 mod picture;
 mod plot;
 
 pub use compare::{Comparison, Difference, Results};
+pub use inspection::{EnvironmentInspection, Inspection, draw_environment, draw_geometry};
 pub use picture::Picture;
 pub use plot::{Curve, Plot};

@@ -167,9 +167,8 @@ mod tests {
                     if closest < 1e-9 || height.abs() < 1e-9 {
                         continue;
                     }
-                    let seen = intervals
-                        .iter()
-                        .any(|i| (i.line, i.quadrant) == (line, quadrant) && i.from <= f && f <= i.to);
+                    let seen =
+                        intervals.iter().any(|i| (i.line, i.quadrant) == (line, quadrant) && i.from <= f && f <= i.to);
                     assert_eq!(seen, depth == 0 && height > 0.0, "line {line} quadrant {quadrant} f {f} depth {depth}");
                 }
             }
