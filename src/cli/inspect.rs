@@ -1,3 +1,5 @@
+//! `silhouette inspect`.
+
 use std::path::PathBuf;
 
 use crate::Result;

@@ -18,7 +18,7 @@ pub struct Inspection {
     pub vertices: usize,
     /// Meshes in the files.
     pub meshes: usize,
-    /// Sets of triangles connected through shared vertices.
+    /// Sets of triangles connected through shared edges.
     pub bodies: usize,
     /// Edges.
     pub edges: usize,
@@ -109,6 +109,10 @@ pub struct EnvironmentInspection {
     pub brightest_radiance: Vec3,
     /// Its direction in the scene.
     pub brightest_direction: DVec3,
+    /// Pixels with a negative colour, as lossy compression leaves them around bright spots.
+    pub negative_pixels: usize,
+    /// The least colour of any pixel.
+    pub least: f32,
 }
 
 impl EnvironmentInspection {
@@ -121,6 +125,8 @@ impl EnvironmentInspection {
             brightest,
             brightest_radiance: environment.pixels()[y * environment.width() + x],
             brightest_direction: environment.pixel_direction(x, y),
+            negative_pixels: environment.pixels().iter().filter(|l| l.min_element() < 0.0).count(),
+            least: environment.pixels().iter().fold(f32::INFINITY, |least, l| least.min(l.min_element())),
         }
     }
 }
@@ -133,7 +139,8 @@ impl fmt::Display for EnvironmentInspection {
         writeln!(f, "{:<26}{:.6} {:.6} {:.6}", "mean radiance", mean.x, mean.y, mean.z)?;
         writeln!(f, "{:<26}{:.6} {:.6} {:.6}", "largest radiance", most.x, most.y, most.z)?;
         writeln!(f, "{:<26}column {}, row {}", "  in pixel", self.brightest[0], self.brightest[1])?;
-        write!(f, "{:<26}{:.4} {:.4} {:.4}", "  from direction", direction.x, direction.y, direction.z)
+        writeln!(f, "{:<26}{:.4} {:.4} {:.4}", "  from direction", direction.x, direction.y, direction.z)?;
+        write!(f, "{:<26}{}, down to {}", "negative pixels", self.negative_pixels, self.least.min(0.0))
     }
 }
 
@@ -170,18 +177,18 @@ pub fn draw_geometry(geometry: &Geometry) -> Result<Picture> {
         sheet.paste(&view.picture(), i * VIEW, 0);
     }
     sheet.draw(|area| {
-        let text = |label: String, x: usize| {
-            Text::new(label, (x as i32, VIEW as i32 + 10), ("sans-serif", 18).into_font().color(&BLACK))
+        let text = |label: String, x: usize, y: usize| {
+            Text::new(label, (x as i32, y as i32), ("sans-serif", 18).into_font().color(&BLACK))
         };
         for (i, (name, ..)) in views.iter().enumerate() {
-            area.draw(&text((*name).into(), i * VIEW + 12))?;
+            area.draw(&text((*name).into(), i * VIEW + 12, 10))?;
         }
         let legend = MARKED.map(|(kind, name, colour)| (format!("{} {name} edges", topology.count(kind)), colour));
         for (i, (label, colour)) in legend.into_iter().enumerate() {
-            let x = 100 + i * 300;
+            let x = 12 + i * VIEW;
             let corners = [(x as i32, VIEW as i32 + 12), (x as i32 + 16, VIEW as i32 + 28)];
             area.draw(&Rectangle::new(corners, colour.filled()))?;
-            area.draw(&text(label, x + 24))?;
+            area.draw(&text(label, x + 24, VIEW + 10))?;
         }
         Ok(())
     })?;
@@ -268,9 +275,11 @@ mod tests {
     fn brightest_pixel_is_told_and_framed() {
         let mut pixels = vec![Vec3::ONE; 64 * 32];
         pixels[8 * 64 + 16] = Vec3::splat(9.0);
+        pixels[5].y = -0.25;
         let environment = Environment::new(64, 32, pixels).unwrap();
         let found = EnvironmentInspection::new(&environment);
         assert_eq!((found.brightest, found.brightest_radiance), ([16, 8], Vec3::splat(9.0)));
+        assert_eq!((found.negative_pixels, found.least), (1, -0.25));
         assert_eq!(found.brightest_direction, environment.pixel_direction(16, 8));
         assert!(found.to_string().contains("64 x 32 pixels"));
         let picture = draw_environment(&environment).unwrap();

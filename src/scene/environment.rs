@@ -47,7 +47,10 @@ impl Environment {
     /// An environment from its pixels, row by row from the top left, y up and not rotated.
     ///
     /// # Errors
-    /// No pixels, a number of pixels that does not fit, radiance that is negative or not finite (the pixel is named).
+    /// No pixels, a number of pixels that does not fit, radiance that is not finite (the pixel is named).
+    ///
+    /// Negative radiance is kept as it is: photographs that were filtered or compressed with loss (DWA) ring around bright
+    /// spots, and since all that is integrated is linear in the light, cutting the negative lobes off would add light.
     pub fn new(width: usize, height: usize, radiance: impl Into<Arc<[Vec3]>>) -> Result<Self> {
         let radiance = radiance.into();
         if radiance.is_empty() || width.checked_mul(height) != Some(radiance.len()) {
@@ -56,11 +59,10 @@ impl Environment {
                 radiance.len()
             )));
         }
-        let is_light = |l: &Vec3| l.is_finite() && l.cmpge(Vec3::ZERO).all();
-        if let Some(i) = radiance.iter().position(|l| !is_light(l)) {
+        if let Some(i) = radiance.iter().position(|l| !l.is_finite()) {
             let ([x, y], l) = ([i % width, i / width], radiance[i]);
             return Err(Error::input(format!(
-                "radiance of pixel ({x}, {y}) is ({}, {}, {}); it must be finite and not negative",
+                "radiance of pixel ({x}, {y}) is ({}, {}, {}), not finite",
                 l.x, l.y, l.z
             )));
         }
@@ -72,6 +74,11 @@ impl Environment {
     /// # Errors
     /// Radiance that is negative or not finite.
     pub fn constant(radiance: Vec3) -> Result<Self> {
+        if radiance.cmplt(Vec3::ZERO).any() {
+            return Err(Error::input(format!(
+                "a constant environment's radiance is {radiance}; it must not be negative"
+            )));
+        }
         Self::new(1, 1, vec![radiance])
     }
 
@@ -284,19 +291,19 @@ mod tests {
     #[test]
     fn statistics() {
         let mut pixels = vec![Vec3::ZERO; 8];
-        pixels[6] = Vec3::new(4.0, 2.0, 1.0);
+        pixels[6] = Vec3::new(4.0, 2.0, -1.0);
         let image = Environment::new(4, 2, pixels).unwrap();
         // One of the four pixels of the lower half: an eighth of the sphere.
-        assert!(image.mean().distance(DVec3::new(0.5, 0.25, 0.125)) < 1e-15);
+        assert!(image.mean().distance(DVec3::new(0.5, 0.25, -0.125)) < 1e-15);
         assert_eq!(image.brightest(), [2, 1]);
-        assert_eq!(image.radiance(image.pixel_direction(2, 1)), Vec3::new(4.0, 2.0, 1.0));
+        assert_eq!(image.radiance(image.pixel_direction(2, 1)), Vec3::new(4.0, 2.0, -1.0));
         assert_eq!(image.uniform(), None);
         assert_eq!(Environment::constant(Vec3::ONE).unwrap().uniform(), Some(Vec3::ONE));
     }
 
     #[test]
     fn bad_pixels_are_named() {
-        for bad in [f32::NAN, f32::INFINITY, -1e-3] {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             let mut pixels = vec![Vec3::ONE; 6];
             pixels[4].z = bad;
             let message = Environment::new(3, 2, pixels).unwrap_err().to_string();
@@ -305,5 +312,6 @@ mod tests {
         assert!(Environment::new(3, 2, vec![Vec3::ONE; 5]).is_err());
         assert!(Environment::new(0, 0, vec![]).is_err());
         assert!(Environment::constant(Vec3::NEG_ONE).is_err());
+        assert!(Environment::constant(Vec3::NAN).is_err());
     }
 }
