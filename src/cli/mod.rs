@@ -2,6 +2,7 @@
 
 mod bake;
 mod compare;
+mod inspect;
 mod integrate;
 mod interrupt;
 mod options;
@@ -29,6 +30,7 @@ enum Command {
     Render(render::Render),
     Integrate(integrate::Integrate),
     Compare(compare::Compare),
+    Inspect(inspect::Args),
 }
 
 const EXAMPLES: &str = "\
@@ -70,6 +72,7 @@ pub fn run() -> ExitCode {
         Command::Render(render) => render.run(),
         Command::Integrate(integrate) => integrate.run(),
         Command::Compare(compare) => compare.run(),
+        Command::Inspect(args) => inspect::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

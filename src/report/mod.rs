@@ -1,10 +1,13 @@
 //! Tables and pictures of errors.
 
 mod compare;
+mod inspection;
+mod orthographic;
 mod panel;
 mod picture;
 mod plot;
 
 pub use compare::{Comparison, Difference, Results};
+pub use inspection::{EnvironmentInspection, Inspection, draw_environment, draw_geometry};
 pub use picture::{Decades, Picture};
 pub use plot::{Curve, Plot};

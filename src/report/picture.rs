@@ -65,7 +65,7 @@ impl Picture {
         Self::from_pixels(width, height, values.iter().map(pixel).collect())
     }
 
-    fn from_pixels(width: usize, height: usize, rgb: Vec<[u8; 3]>) -> Self {
+    pub(super) fn from_pixels(width: usize, height: usize, rgb: Vec<[u8; 3]>) -> Self {
         assert_eq!(rgb.len(), width * height, "one value per pixel");
         Self { width, height, rgb }
     }

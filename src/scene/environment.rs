@@ -47,8 +47,10 @@ impl Environment {
     /// An environment from its pixels, row by row from the top left, y up and not rotated.
     ///
     /// # Errors
-    /// No pixels, a number of pixels that does not fit, radiance that is not finite (the pixel is named). Slightly
-    /// negative radiance, which lossy compression leaves behind, is taken as it is.
+    /// No pixels, a number of pixels that does not fit, radiance that is not finite (the pixel is named).
+    ///
+    /// Negative radiance is kept as it is: photographs that were filtered or compressed with loss (DWA) ring around bright
+    /// spots, and since all that is integrated is linear in the light, cutting the negative lobes off would add light.
     pub fn new(width: usize, height: usize, radiance: impl Into<Arc<[Vec3]>>) -> Result<Self> {
         let radiance = radiance.into();
         if radiance.is_empty() || width.checked_mul(height) != Some(radiance.len()) {
@@ -60,7 +62,7 @@ impl Environment {
         if let Some(i) = radiance.iter().position(|l| !l.is_finite()) {
             let ([x, y], l) = ([i % width, i / width], radiance[i]);
             return Err(Error::input(format!(
-                "radiance of pixel ({x}, {y}) is ({}, {}, {}); it must be finite",
+                "radiance of pixel ({x}, {y}) is ({}, {}, {}), not finite",
                 l.x, l.y, l.z
             )));
         }
@@ -73,7 +75,9 @@ impl Environment {
     /// Radiance that is negative or not finite.
     pub fn constant(radiance: Vec3) -> Result<Self> {
         if radiance.cmplt(Vec3::ZERO).any() {
-            return Err(Error::input(format!("the environment's radiance is {radiance}; it must not be negative")));
+            return Err(Error::input(format!(
+                "a constant environment's radiance is {radiance}; it must not be negative"
+            )));
         }
         Self::new(1, 1, vec![radiance])
     }
@@ -289,12 +293,12 @@ mod tests {
     #[test]
     fn statistics() {
         let mut pixels = vec![Vec3::ZERO; 8];
-        pixels[6] = Vec3::new(4.0, 2.0, 1.0);
+        pixels[6] = Vec3::new(4.0, 2.0, -1.0);
         let image = Environment::new(4, 2, pixels).unwrap();
         // One of the four pixels of the lower half: an eighth of the sphere.
-        assert!(image.mean().distance(DVec3::new(0.5, 0.25, 0.125)) < 1e-15);
+        assert!(image.mean().distance(DVec3::new(0.5, 0.25, -0.125)) < 1e-15);
         assert_eq!(image.brightest(), [2, 1]);
-        assert_eq!(image.radiance(image.pixel_direction(2, 1)), Vec3::new(4.0, 2.0, 1.0));
+        assert_eq!(image.radiance(image.pixel_direction(2, 1)), Vec3::new(4.0, 2.0, -1.0));
         assert_eq!(image.uniform(), None);
         assert_eq!(Environment::constant(Vec3::ONE).unwrap().uniform(), Some(Vec3::ONE));
     }
@@ -317,7 +321,7 @@ mod tests {
 
     #[test]
     fn bad_pixels_are_named() {
-        for bad in [f32::NAN, f32::INFINITY] {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             let mut pixels = vec![Vec3::ONE; 6];
             pixels[4].z = bad;
             let message = Environment::new(3, 2, pixels).unwrap_err().to_string();
@@ -327,5 +331,6 @@ mod tests {
         assert!(Environment::new(0, 0, vec![]).is_err());
         assert!(Environment::new(1, 1, vec![Vec3::splat(-1e-3)]).is_ok());
         assert!(Environment::constant(Vec3::NEG_ONE).is_err());
+        assert!(Environment::constant(Vec3::NAN).is_err());
     }
 }

@@ -339,7 +339,7 @@ mod tests {
         refused("[[mesh]]\nshape.teapot = { divisions = 0 }\n", 1, "teapot: ");
         refused("[environment]\nup = \"y\"\n", 1, "one of file, sky and constant");
         refused("[environment]\nup = \"w\"\nconstant = 1\n", 2, "unknown variant `w`");
-        refused("[environment]\nconstant = -1\n", 1, "must not be negative");
+        refused("[environment]\nconstant = -1\n", 1, "not be negative");
         refused("[environment]\nconstant = 1\nrotation = inf\n", 1, "rotation");
         refused("[environment]\nsky = { turbidity = 0 }\n", 1, "turbidity");
         refused("[camera]\nposition = [0, 0, 1]\n", 1, "look_at");

@@ -97,8 +97,9 @@ impl Topology {
         }
         first_face.push(faces.len() as u32);
 
-        let (triangle_body, bodies) = bodies(vertices, triangles);
-        Self { edges, first_face, faces, triangle_body, bodies }
+        let mut topology = Self { edges, first_face, faces, triangle_body: Vec::new(), bodies: 0 };
+        topology.find_bodies(triangles.len());
+        topology
     }
 
     /// All edges, each once, with its lower vertex first.
@@ -132,7 +133,7 @@ impl Topology {
         self.edges().filter(|&e| self.kind(e) == kind).count()
     }
 
-    /// Number of bodies: sets of triangles connected through shared vertices.
+    /// Number of bodies: sets of triangles connected through shared edges.
     pub fn bodies(&self) -> usize {
         self.bodies
     }
@@ -141,37 +142,34 @@ impl Topology {
     pub fn body(&self, triangle: TriangleId) -> u32 {
         self.triangle_body[triangle.0 as usize]
     }
-}
 
-/// Connected components by union of the corners (Galler and Fischer 1964, with path halving): the body of every
-/// triangle and their number.
-fn bodies(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
-    let mut parent: Vec<u32> = (0..vertices as u32).collect();
-    fn root(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
+    /// Connected components by union of the faces of every edge (Galler and Fischer 1964, with path halving).
+    fn find_bodies(&mut self, triangles: usize) {
+        fn root(parent: &mut [u32], mut t: u32) -> u32 {
+            while parent[t as usize] != t {
+                parent[t as usize] = parent[parent[t as usize] as usize];
+                t = parent[t as usize];
+            }
+            t
         }
-        v
-    }
-    for &[a, b, c] in triangles {
-        for other in [b, c] {
-            let (x, y) = (root(&mut parent, a), root(&mut parent, other));
+        let mut parent: Vec<u32> = (0..triangles as u32).collect();
+        for pair in self.edges().flat_map(|edge| self.faces(edge).windows(2)) {
+            let (x, y) = (root(&mut parent, pair[0].triangle.0), root(&mut parent, pair[1].triangle.0));
             parent[x.max(y) as usize] = x.min(y);
         }
-    }
-    let mut number = vec![u32::MAX; vertices];
-    let mut bodies = 0;
-    let of_triangle = |&[a, _, _]: &[u32; 3]| {
-        let number = &mut number[root(&mut parent, a) as usize];
-        if *number == u32::MAX {
-            *number = bodies;
-            bodies += 1;
+        // The root of a body is its first triangle.
+        let mut body = vec![0; triangles];
+        for t in 0..triangles as u32 {
+            let first = root(&mut parent, t);
+            if first == t {
+                body[t as usize] = self.bodies as u32;
+                self.bodies += 1;
+            } else {
+                body[t as usize] = body[first as usize];
+            }
         }
-        *number
-    };
-    let triangle_body = triangles.iter().map(of_triangle).collect();
-    (triangle_body, bodies as usize)
+        self.triangle_body = body;
+    }
 }
 
 #[cfg(test)]
@@ -211,10 +209,11 @@ mod tests {
     }
 
     #[test]
-    fn bodies_join_at_a_vertex_and_are_numbered_by_first_triangle() {
-        let topology = Topology::new(12, &[[9, 10, 11], [0, 1, 2], [2, 3, 4], [5, 6, 7]]);
+    fn bodies_join_at_edges_and_are_numbered_by_first_triangle() {
+        // The last but one joins the two before it; the last one touches it at a vertex.
+        let topology = Topology::new(12, &[[9, 10, 11], [0, 1, 2], [2, 3, 4], [4, 1, 5], [1, 2, 4], [5, 6, 7]]);
         assert_eq!(topology.bodies(), 3);
-        assert_eq!([0, 1, 2, 3].map(|t| topology.body(TriangleId(t))), [0, 1, 1, 2]);
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|t| topology.body(TriangleId(t))), [0, 1, 1, 1, 1, 2]);
     }
 
     #[test]

@@ -158,8 +158,8 @@ mod tests {
         assert_eq!(pot.cleaning.degenerate_triangles, 0);
         // Two poles, where four patches each lose n triangles; all other triangles are there.
         assert_eq!(pot.triangles.len(), (64 * n * n - 8 * n) as usize);
-        // Body with rim, bottom and the handle, which touches it in one control point; lid with knob; spout.
-        assert_eq!(topology.bodies(), 3);
+        // Body with rim and bottom, lid with knob, handle, spout.
+        assert_eq!(topology.bodies(), 4);
         // The open rings: rim, lid, two ends of the handle (of two patches), two of the spout.
         assert_eq!(topology.count(EdgeKind::Boundary), (2 * 4 * n + 4 * 2 * n) as usize);
         assert_eq!(topology.count(EdgeKind::NonManifold) + topology.count(EdgeKind::InconsistentlyWound), 0);
