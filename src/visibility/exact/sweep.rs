@@ -1,0 +1,421 @@
+//! The sweep: one total order of the active edges, from the pole downwards, followed through a full turn of azimuth.
+//!
+//! The order changes only by exchanges of two neighbours, and W is carried along with it: just above an edge it is what it
+//! is just below the edge before. Whatever rounding does to the positions of crossings, at every azimuth the edges are in
+//! *some* order, so the visible intervals' ends pair up and the boundary closes; edges that rounding cannot tell apart
+//! bound slivers of no area, in whichever order they are taken (Bentley and Ottmann 1979, with the topology deciding as
+//! in Sugihara and Iri 1989).
+//!
+//! Whether two neighbours cross is decided by one predicate, on which side of the one that ends later the other's last
+//! vertex lies. It does not depend on when it is asked, so no pair is exchanged twice by it.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+
+use super::chart::{Chart, TURN_END, azimuth};
+use super::edges::{Edge, Edges, HORIZON, NIL, SEAM, TOP, on_line, on_seam};
+use super::region::{Region, Residuals};
+use crate::sphere::BoundaryArc;
+
+/// Where two edges cross, unless the order has changed before: bits of the azimuth, upper edge, lower edge.
+type Crossing = Reverse<(u64, u32, u32)>;
+
+/// Buffers of the sweep, kept between receivers.
+#[derive(Debug, Default)]
+pub(super) struct Queue {
+    crossings: BinaryHeap<Crossing>,
+    ends: Vec<u32>,
+    starts: Vec<u32>,
+}
+
+/// Sweeps over the edges and writes the boundary of {W = 0} and the residuals; `depth_at_pole` is W at the pole.
+pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_at_pole: i32, region: &mut Region) {
+    region.boundary.clear();
+    region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
+    queue.crossings.clear();
+    let mut sweep = Sweep {
+        edges: &mut edges.edges,
+        queue,
+        chart,
+        now: 0.0,
+        horizon: NIL,
+        residuals: &mut region.residuals,
+        boundary: &mut region.boundary,
+        solid_angle: 0.0,
+    };
+    sweep.begin(&mut edges.at_seam, depth_at_pole);
+    for &(key, v) in &edges.order {
+        sweep.cross_until(key);
+        sweep.now = f64::from_bits(key);
+        let vertex = &edges.vertices[v as usize];
+        sweep.vertex(vertex.position, vertex.height, vertex.ends, vertex.starts);
+    }
+    sweep.cross_until(TURN_END.to_bits());
+    sweep.finish();
+    region.solid_angle = sweep.solid_angle;
+    region.residuals.closure = region.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
+}
+
+struct Sweep<'a> {
+    edges: &'a mut [Edge],
+    queue: &'a mut Queue,
+    chart: &'a Chart,
+    /// Azimuth of the event being handled.
+    now: f64,
+    /// The horizon's active edge, if there is a horizon.
+    horizon: u32,
+    residuals: &'a mut Residuals,
+    boundary: &'a mut Vec<BoundaryArc>,
+    solid_angle: f64,
+}
+
+impl Sweep<'_> {
+    fn edge(&self, id: u32) -> &Edge {
+        &self.edges[id as usize]
+    }
+
+    fn edge_mut(&mut self, id: u32) -> &mut Edge {
+        &mut self.edges[id as usize]
+    }
+
+    fn below(&self, id: u32) -> i32 {
+        let edge = self.edge(id);
+        edge.above + edge.jump
+    }
+
+    fn link(&mut self, upper: u32, lower: u32) {
+        self.edge_mut(upper).next = lower;
+        if lower != NIL {
+            self.edge_mut(lower).prev = upper;
+        }
+    }
+
+    /// Puts the edges that cross the seam in order.
+    fn begin(&mut self, at_seam: &mut [u32], depth_at_pole: i32) {
+        let latitude = |id: u32| on_seam(self.edges[id as usize].normal).z;
+        at_seam.sort_by(|&a, &b| latitude(b).total_cmp(&latitude(a)).then(a.cmp(&b)));
+        let top = self.edge_mut(TOP);
+        (top.above, top.next) = (depth_at_pole, NIL);
+        let mut upper = TOP;
+        for &id in &*at_seam {
+            if self.edge(id).is_horizon {
+                self.horizon = id;
+            }
+            self.link(upper, id);
+            self.edge_mut(id).next = NIL;
+            self.edge_mut(id).above = self.below(upper);
+            upper = id;
+        }
+        for &id in &*at_seam {
+            self.refresh(id, on_seam(self.edge(id).normal));
+            let upper = self.edge(id).prev;
+            self.expect_crossing(upper, id);
+        }
+    }
+
+    /// Whether two neighbours cross before either of them ends.
+    fn crosses(&self, upper: u32, lower: u32) -> bool {
+        if lower == NIL {
+            return false;
+        }
+        let (u, l) = (self.edge(upper), self.edge(lower));
+        if l.end_rank <= u.end_rank {
+            if l.end_rank == u.end_rank && l.end_rank != SEAM {
+                return false;
+            }
+            if u.is_horizon { l.end_height > 0.0 } else { u.normal.dot(l.end) > 0.0 }
+        } else if l.is_horizon {
+            u.end_height <= 0.0
+        } else {
+            l.normal.dot(u.end) < 0.0
+        }
+    }
+
+    /// Enters the crossing of two new neighbours, if they have one.
+    fn expect_crossing(&mut self, upper: u32, lower: u32) {
+        if self.crosses(upper, lower) {
+            let key = self.crossing_azimuth(upper, lower).to_bits();
+            self.queue.crossings.push(Reverse((key, upper, lower)));
+        }
+    }
+
+    /// Azimuth of the crossing, within what is left of both edges.
+    fn crossing_azimuth(&self, upper: u32, lower: u32) -> f64 {
+        let (u, l) = (self.edge(upper), self.edge(lower));
+        // Of the two intersections of the circles this is the one behind which u is below l.
+        let crossing = u.normal.cross(l.normal);
+        let end = u.end_azimuth.min(l.end_azimuth);
+        let azimuth = azimuth(crossing.x, crossing.y);
+        // Past the range or before it, over the seam if that is nearer.
+        let ahead = azimuth - self.now;
+        if ahead > 0.5 * TURN_END || ahead < 0.0 && ahead > -0.5 * TURN_END { self.now } else { azimuth.min(end) }
+    }
+
+    fn cross_until(&mut self, key: u64) {
+        while let Some(&Reverse((crossing, upper, lower))) = self.queue.crossings.peek()
+            && crossing <= key
+        {
+            self.queue.crossings.pop();
+            // An edge that has ended has no next.
+            if self.edge(upper).next == lower {
+                self.now = f64::from_bits(crossing);
+                self.exchange(upper, lower, None);
+            }
+        }
+    }
+
+    /// Exchanges two neighbours at a point, or where they cross.
+    fn exchange(&mut self, upper: u32, lower: u32, point: Option<DVec3>) {
+        self.residuals.crossings += 1;
+        let (before, after) = (self.edge(upper).prev, self.edge(lower).next);
+        self.link(before, lower);
+        self.link(lower, upper);
+        self.link(upper, after);
+        self.edge_mut(lower).above = self.edge(upper).above;
+        self.edge_mut(upper).above = self.below(lower);
+        if self.is_stale(upper) || self.is_stale(lower) {
+            let point = point.unwrap_or_else(|| self.crossing_point(upper, lower));
+            self.refresh(upper, point);
+            self.refresh(lower, point);
+        }
+        self.expect_crossing(before, lower);
+        self.expect_crossing(upper, after);
+    }
+
+    /// A unit vector on both edges, or within rounding of them.
+    fn crossing_point(&self, upper: u32, lower: u32) -> DVec3 {
+        /// Sine of the angle below which the crossing of two lines is worse known than its azimuth has been clamped.
+        const PARALLEL: f64 = 1e-4;
+        let (u, l) = (self.edge(upper).normal, self.edge(lower).normal);
+        let crossing = u.cross(l);
+        let (uu, ll) = (u.length_squared(), l.length_squared());
+        if crossing.length_squared() > PARALLEL * PARALLEL * uu * ll {
+            return crossing.normalize();
+        }
+        // The line further from the pole is the better known at an azimuth.
+        let steady = if u.z * u.z * ll > l.z * l.z * uu { u } else { l };
+        on_line(steady, self.now).normalize_or_zero()
+    }
+
+    /// Which sides of an edge are visible, which negative.
+    fn sides(&self, id: u32) -> (i8, i8) {
+        let above = self.edge(id).above;
+        let below = self.below(id);
+        ((above == 0) as i8 - (below == 0) as i8, (above < 0) as i8 - (below < 0) as i8)
+    }
+
+    fn is_stale(&self, id: u32) -> bool {
+        let edge = self.edge(id);
+        self.sides(id) != (edge.visible, edge.negative)
+    }
+
+    /// Ends and begins boundary arcs on an edge after W has changed beside it.
+    fn refresh(&mut self, id: u32, point: DVec3) {
+        let (visible, negative) = self.sides(id);
+        if visible != self.edge(id).visible {
+            self.close_visible(id, point);
+            let edge = self.edge_mut(id);
+            (edge.visible, edge.visible_from) = (visible, point);
+        }
+        if negative != self.edge(id).negative {
+            self.close_negative(id, point);
+            let edge = self.edge_mut(id);
+            (edge.negative, edge.negative_from) = (negative, point);
+        }
+    }
+
+    fn close_visible(&mut self, id: u32, to: DVec3) {
+        let edge = self.edge(id);
+        if let Some(arc) = self.arc(edge.normal, edge.visible_from, to, edge.visible) {
+            self.solid_angle += arc.solid_angle_from(DVec3::Z);
+            let chart = self.chart;
+            self.boundary.push(BoundaryArc {
+                start: chart.to_world(arc.start),
+                end: chart.to_world(arc.end),
+                normal: chart.to_world(arc.normal),
+            });
+        }
+    }
+
+    fn close_negative(&mut self, id: u32, to: DVec3) {
+        let edge = self.edge(id);
+        if let Some(arc) = self.arc(edge.normal, edge.negative_from, to, edge.negative) {
+            self.residuals.negative += arc.solid_angle_from(DVec3::Z);
+        }
+    }
+
+    /// The arc of a line between two points, its region on the left; none if there is no region or no line.
+    fn arc(&mut self, normal: DVec3, from: DVec3, to: DVec3, side: i8) -> Option<BoundaryArc> {
+        if side == 0 || normal == DVec3::ZERO {
+            return None;
+        }
+        let normal = normal.normalize();
+        let (off_start, off_end) = (normal.dot(from), normal.dot(to));
+        self.residuals.gap = self.residuals.gap.max(off_start.abs()).max(off_end.abs());
+        let (start, end) = (from - off_start * normal, to - off_end * normal);
+        Some(if side > 0 {
+            BoundaryArc { start, end, normal }
+        } else {
+            BoundaryArc { start: end, end: start, normal: -normal }
+        })
+    }
+
+    /// Replaces the edges that end at a vertex by those that start there.
+    fn vertex(&mut self, position: DVec3, height: f64, ends: u32, starts: u32) {
+        let is_below = height <= 0.0;
+        self.collect(ends, starts, is_below);
+        let (mut upper, lower) = match self.queue.ends.first() {
+            None => self.locate(position, is_below),
+            Some(_) => self.remove_ends(position, is_below),
+        };
+        let first = upper;
+        for i in 0..self.queue.starts.len() {
+            let id = self.queue.starts[i];
+            self.link(upper, id);
+            self.edge_mut(id).above = self.below(upper);
+            if self.edge(id).is_horizon {
+                self.horizon = id;
+            }
+            self.refresh(id, position);
+            upper = id;
+        }
+        self.link(upper, lower);
+        let mut above = first;
+        while above != lower {
+            let below = self.edge(above).next;
+            self.expect_crossing(above, below);
+            above = below;
+        }
+    }
+
+    /// Lists the edges that end and start at a vertex, the latter downwards; checks that their jumps cancel.
+    fn collect(&mut self, mut ends: u32, mut starts: u32, is_below: bool) {
+        let mut balance = 0;
+        self.queue.ends.clear();
+        while ends != NIL {
+            self.queue.ends.push(ends);
+            balance -= self.edge(ends).jump;
+            ends = self.edge(ends).next_end;
+        }
+        self.queue.starts.clear();
+        while starts != NIL {
+            self.queue.starts.push(starts);
+            balance += self.edge(starts).jump;
+            starts = self.edge(starts).next_start;
+        }
+        if balance != 0 && !is_below {
+            self.residuals.unbalanced += 1;
+        }
+        // By insertion: rounding may make the comparison intransitive, which is harmless here and not in `sort_by`.
+        for i in 1..self.queue.starts.len() {
+            for j in (1..=i).rev() {
+                let (upper, lower) = (self.queue.starts[j - 1], self.queue.starts[j]);
+                if !self.crosses(upper, lower) {
+                    break;
+                }
+                self.queue.starts.swap(j - 1, j);
+            }
+        }
+    }
+
+    /// The neighbours between which a vertex without ending edges lies.
+    fn locate(&self, position: DVec3, is_below: bool) -> (u32, u32) {
+        let mut upper = if is_below { self.horizon } else { TOP };
+        loop {
+            let lower = self.edge(upper).next;
+            if lower == NIL || lower == self.horizon || self.edge(lower).normal.dot(position) > 0.0 {
+                return (upper, lower);
+            }
+            upper = lower;
+        }
+    }
+
+    /// Takes the edges that end at a vertex out of the order; returns the neighbours of the gap.
+    fn remove_ends(&mut self, position: DVec3, is_below: bool) -> (u32, u32) {
+        let first = self.queue.ends[0];
+        if is_below {
+            for i in 0..self.queue.ends.len() {
+                let id = self.queue.ends[i];
+                // Above the horizon by rounding only.
+                while self.edge(id).above < HORIZON / 2 && self.edge(id).next != NIL {
+                    self.force(id, self.edge(id).next, position);
+                }
+            }
+        }
+        let (mut highest, mut lowest) = (first, first);
+        for i in 1..self.queue.ends.len() {
+            let id = self.queue.ends[i];
+            if self.is_below(highest, id) {
+                while self.edge(id).prev != lowest {
+                    self.force(self.edge(id).prev, id, position);
+                }
+                lowest = id;
+            } else {
+                while self.edge(id).next != highest {
+                    self.force(id, self.edge(id).next, position);
+                }
+                highest = id;
+            }
+        }
+        let (upper, lower) = (self.edge(highest).prev, self.edge(lowest).next);
+        for i in 0..self.queue.ends.len() {
+            let id = self.queue.ends[i];
+            self.close_visible(id, position);
+            self.close_negative(id, position);
+            self.edge_mut(id).next = NIL;
+        }
+        self.link(upper, lower);
+        (upper, lower)
+    }
+
+    fn force(&mut self, upper: u32, lower: u32, point: DVec3) {
+        self.residuals.forced += 1;
+        self.exchange(upper, lower, Some(point));
+    }
+
+    /// Whether `id` comes below `reference` in the order; walks both ways, as they are near each other.
+    fn is_below(&self, reference: u32, id: u32) -> bool {
+        let (mut up, mut down) = (reference, reference);
+        loop {
+            if down != NIL {
+                down = self.edge(down).next;
+                if down == id {
+                    return true;
+                }
+            }
+            if up != TOP {
+                up = self.edge(up).prev;
+                if up == id {
+                    return false;
+                }
+            }
+            if up == TOP && down == NIL {
+                return true;
+            }
+        }
+    }
+
+    /// Ends all boundary arcs at the seam.
+    fn finish(&mut self) {
+        let mut id = self.edge(TOP).next;
+        let mut last = TOP;
+        while id != NIL {
+            let to = on_seam(self.edge(id).normal);
+            self.close_visible(id, to);
+            self.close_negative(id, to);
+            last = id;
+            id = self.edge(id).next;
+        }
+        if self.horizon == NIL {
+            // The boundary's excess about the pole counts what lies above it; the other pole adds the whole sphere.
+            let turn = 4.0 * std::f64::consts::PI;
+            match self.below(last) {
+                0 => self.solid_angle += turn,
+                depth if depth < 0 => self.residuals.negative += turn,
+                _ => {}
+            }
+        }
+    }
+}
