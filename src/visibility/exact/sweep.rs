@@ -14,7 +14,7 @@ use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use super::chart::{Chart, TURN_END, azimuth};
+use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
 use super::edges::{Edge, Edges, HORIZON, NIL, SEAM, TOP, on_line, on_seam};
 use super::region::{Region, Residuals};
 use crate::sphere::BoundaryArc;
@@ -144,13 +144,20 @@ impl Sweep<'_> {
     /// Azimuth of the crossing, within what is left of both edges.
     fn crossing_azimuth(&self, upper: u32, lower: u32) -> f64 {
         let (u, l) = (self.edge(upper), self.edge(lower));
-        // Of the two intersections of the circles this is the one behind which u is below l.
+        // Of the two intersections of the circles this is the one behind which u is below l. Where edges touch, rounding
+        // may have made a crossing of it, and then it may be the other one: take the one nearer to the range.
         let crossing = u.normal.cross(l.normal);
-        let end = u.end_azimuth.min(l.end_azimuth);
-        let azimuth = azimuth(crossing.x, crossing.y);
-        // Past the range or before it, over the seam if that is nearer.
-        let ahead = azimuth - self.now;
-        if ahead > 0.5 * TURN_END || ahead < 0.0 && ahead > -0.5 * TURN_END { self.now } else { azimuth.min(end) }
+        let (now, end) = (self.now, u.end_azimuth.min(l.end_azimuth));
+        let half_turn = 0.5 * TURN_END;
+        let middle = 0.5 * (now + end);
+        let mut ahead = azimuth(crossing.x, crossing.y) - middle;
+        if ahead.abs() > 0.5 * half_turn {
+            ahead -= half_turn.copysign(ahead);
+            if ahead.abs() > 0.5 * half_turn {
+                ahead -= half_turn.copysign(ahead);
+            }
+        }
+        (middle + ahead).clamp(now, end)
     }
 
     fn cross_until(&mut self, key: u64) {
@@ -192,7 +199,9 @@ impl Sweep<'_> {
         let crossing = u.cross(l);
         let (uu, ll) = (u.length_squared(), l.length_squared());
         if crossing.length_squared() > PARALLEL * PARALLEL * uu * ll {
-            return crossing.normalize();
+            let crossing = crossing.normalize();
+            let (x, y) = at_azimuth(self.now);
+            return if crossing.x * x + crossing.y * y < 0.0 { -crossing } else { crossing };
         }
         // The line further from the pole is the better known at an azimuth.
         let steady = if u.z * u.z * ll > l.z * l.z * uu { u } else { l };

@@ -64,9 +64,19 @@ pub fn quadrature(triangles: &[Triangle], receiver: DVec3, normal: Option<DVec3>
     let mut breaks: Vec<f64> = vec![0.0, TAU];
     let mut add = |v: DVec3| breaks.push(v.y.atan2(v.x).rem_euclid(TAU));
     for (i, m) in lines.iter().enumerate() {
-        // The circle is steepest where it comes nearest to the pole.
-        add(DVec3::new(m.x, m.y, 0.0));
-        add(-DVec3::new(m.x, m.y, 0.0));
+        // tan(latitude) = A cos(azimuth) varies within 1/A of its zeros: parts grow geometrically away from them.
+        let steepness = (m.z / m.truncate().length()).abs();
+        let along = DVec3::new(m.x, m.y, 0.0).normalize_or_zero();
+        let across = DVec3::new(-along.y, along.x, 0.0);
+        for sign in [-1.0, 1.0] {
+            add(sign * across);
+            let mut offset = steepness.max(1e-9);
+            while offset < 1.0 {
+                add(sign * across + offset * along);
+                add(sign * across - offset * along);
+                offset *= 2.0;
+            }
+        }
         for n in &lines[..i] {
             let crossing = m.cross(*n);
             if crossing.length() > 1e-12 * m.length() * n.length() {
