@@ -48,6 +48,8 @@ pub(super) struct Edge {
     pub prev: u32,
     pub next_end: u32,
     pub next_start: u32,
+    /// Place among the landmarks of the status, if it is one.
+    pub landmark: u32,
     pub is_horizon: bool,
     /// Side of the edge on which W = 0 alone (+1 above, -1 below, 0 neither or both), and where that began.
     pub visible: i8,
@@ -71,6 +73,7 @@ impl Edge {
             prev: NIL,
             next_end: NIL,
             next_start: NIL,
+            landmark: NIL,
             is_horizon: false,
             visible: 0,
             negative: 0,

@@ -28,13 +28,30 @@ pub(super) struct Queue {
     crossings: BinaryHeap<Crossing>,
     ends: Vec<u32>,
     starts: Vec<u32>,
+    landmarks: Landmarks,
 }
+
+/// Every few edges of the order, from which searches set out. They may be out of date: they make searches short, not right.
+#[derive(Debug, Default)]
+struct Landmarks {
+    /// Downwards; those that have ended without a successor are NIL.
+    edges: Vec<u32>,
+    /// Steps of searches since the landmarks were chosen.
+    steps: u32,
+    /// Steps that pay for choosing anew.
+    budget: u32,
+}
+
+/// Edges from one landmark to the next.
+const STRIDE: u32 = 8;
 
 /// Sweeps over the edges and writes the boundary of {W = 0} and the residuals; `depth_at_pole` is W at the pole.
 pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_at_pole: i32, region: &mut Region) {
     region.boundary.clear();
     region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
     queue.crossings.clear();
+    queue.landmarks = Landmarks { edges: std::mem::take(&mut queue.landmarks.edges), steps: 0, budget: 0 };
+    queue.landmarks.edges.clear();
     let mut sweep = Sweep {
         edges: &mut edges.edges,
         queue,
@@ -157,7 +174,7 @@ impl Sweep<'_> {
                 ahead -= half_turn.copysign(ahead);
             }
         }
-        (middle + ahead).clamp(now, end)
+        (middle + ahead).min(end).max(now)
     }
 
     fn cross_until(&mut self, key: u64) {
@@ -330,15 +347,47 @@ impl Sweep<'_> {
     }
 
     /// The neighbours between which a vertex without ending edges lies.
-    fn locate(&self, position: DVec3, is_below: bool) -> (u32, u32) {
-        let mut upper = if is_below { self.horizon } else { TOP };
+    fn locate(&mut self, position: DVec3, is_below: bool) -> (u32, u32) {
+        let mut upper = if is_below { self.horizon } else { self.landmark_above(position) };
         loop {
             let lower = self.edge(upper).next;
             if lower == NIL || lower == self.horizon || self.edge(lower).normal.dot(position) > 0.0 {
                 return (upper, lower);
             }
+            self.queue.landmarks.steps += 1;
             upper = lower;
         }
+    }
+
+    /// A landmark above a position above the horizon, near it if they are up to date.
+    fn landmark_above(&mut self, position: DVec3) -> u32 {
+        if self.queue.landmarks.steps >= self.queue.landmarks.budget {
+            self.choose_landmarks();
+        }
+        let landmarks = &self.queue.landmarks.edges;
+        let is_above = |id: u32| {
+            let edge = self.edge(id);
+            edge.above < HORIZON / 2 && edge.normal.dot(position) <= 0.0
+        };
+        let below = landmarks.partition_point(|&id| id == NIL || is_above(id));
+        landmarks[..below].iter().rev().copied().find(|&id| id != NIL && is_above(id)).unwrap_or(TOP)
+    }
+
+    fn choose_landmarks(&mut self) {
+        let mut landmarks = std::mem::take(&mut self.queue.landmarks.edges);
+        for id in landmarks.drain(..).filter(|&id| id != NIL) {
+            self.edge_mut(id).landmark = NIL;
+        }
+        let (mut count, mut id) = (0, self.edge(TOP).next);
+        while id != self.horizon && id != NIL {
+            count += 1;
+            if count % STRIDE == 0 {
+                self.edge_mut(id).landmark = landmarks.len() as u32;
+                landmarks.push(id);
+            }
+            id = self.edge(id).next;
+        }
+        self.queue.landmarks = Landmarks { edges: landmarks, steps: 0, budget: 2 * count + STRIDE };
     }
 
     /// Takes the edges that end at a vertex out of the order; returns the neighbours of the gap.
@@ -374,6 +423,14 @@ impl Sweep<'_> {
             self.close_visible(id, position);
             self.close_negative(id, position);
             self.edge_mut(id).next = NIL;
+            let landmark = self.edge(id).landmark;
+            if landmark != NIL {
+                let free = self.queue.starts.iter().copied().find(|&start| self.edge(start).landmark == NIL);
+                self.queue.landmarks.edges[landmark as usize] = free.unwrap_or(NIL);
+                if let Some(successor) = free {
+                    self.edge_mut(successor).landmark = landmark;
+                }
+            }
         }
         self.link(upper, lower);
         (upper, lower)

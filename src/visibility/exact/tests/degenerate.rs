@@ -30,7 +30,7 @@ fn receiver() -> impl Strategy<Value = DVec3> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn grid_triangles_within_a_hemisphere(triangles in grid_triangles(6), p in receiver(), n in grid_normal()) {
