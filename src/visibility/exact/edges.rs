@@ -11,6 +11,8 @@ pub(super) const NIL: u32 = u32::MAX;
 pub(super) const TOP: u32 = 0;
 /// Rank of the end of edges that reach the seam.
 pub(super) const SEAM: u32 = u32::MAX;
+/// Not a landmark.
+pub(super) const NO_LANDMARK: u16 = u16::MAX;
 /// Jump of the horizon: more than any scene's depth, so nothing below it is visible.
 pub(super) const HORIZON: i32 = 1 << 29;
 
@@ -28,29 +30,28 @@ pub(super) struct Vertex {
     pub starts: u32,
 }
 
-/// A piece of a contour, from its first vertex to its second in the order of azimuth.
+/// A piece of a contour, from its first vertex to its second in the order of azimuth. What the order needs fills the first
+/// of its two cache lines.
 #[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
 pub(super) struct Edge {
     /// first x second in chart coordinates, not normalised: positive above the edge. Zero for edges too short to have a
     /// direction: they are points, on neither side of which anything lies.
     pub normal: DVec3,
-    /// Second vertex.
+    /// Position of the second vertex.
     pub end: DVec3,
-    pub end_azimuth: f64,
-    pub end_height: f64,
     pub end_rank: u32,
-    /// Change of W on crossing it downwards.
-    pub jump: i32,
-    /// W just above.
-    pub above: i32,
     /// Neighbours in the status, downwards and upwards.
     pub next: u32,
     pub prev: u32,
+    /// W just above.
+    pub above: i32,
+    /// Change of W on crossing it downwards.
+    pub jump: i32,
     pub next_end: u32,
     pub next_start: u32,
     /// Place among the landmarks of the status, if it is one.
-    pub landmark: u32,
-    pub is_horizon: bool,
+    pub landmark: u16,
     /// Side of the edge on which W = 0 alone (+1 above, -1 below, 0 neither or both), and where that began.
     pub visible: i8,
     /// The same for W < 0.
@@ -64,17 +65,14 @@ impl Edge {
         Self {
             normal,
             end: DVec3::ZERO,
-            end_azimuth: TURN_END,
-            end_height: 1.0,
             end_rank: SEAM,
-            jump,
-            above: 0,
             next: NIL,
             prev: NIL,
+            above: 0,
+            jump,
             next_end: NIL,
             next_start: NIL,
-            landmark: NIL,
-            is_horizon: false,
+            landmark: NO_LANDMARK,
             visible: 0,
             negative: 0,
             visible_from: DVec3::ZERO,
@@ -111,6 +109,8 @@ pub(super) struct Edges {
     pub order: Vec<(u64, u32)>,
     /// Edges that cross the seam, to begin with.
     pub at_seam: Vec<u32>,
+    /// The edges from here on are the horizon's.
+    pub horizon: u32,
     /// Directions that are zero or not finite.
     pub bad: u32,
 }
@@ -131,6 +131,7 @@ impl Edges {
         self.order.clear();
         self.at_seam.clear();
         self.bad = 0;
+        self.horizon = NIL;
         self.edges.push(Edge::new(DVec3::ZERO, 0));
 
         let height = |v: usize| if normal.is_some() { contours.heights[v] } else { 1.0 };
@@ -167,10 +168,10 @@ impl Edges {
             let (first, second) = if a_first != wraps { (a, b) } else { (b, a) };
             let edge = if first == a { Edge::new(cross, arc.jump) } else { Edge::new(-cross, -arc.jump) };
             if wraps {
-                self.push(Some(first), None, edge, horizon);
-                self.push(None, Some(second), edge, horizon);
+                self.push(Some(first), None, edge);
+                self.push(None, Some(second), edge);
             } else {
-                self.push(Some(first), Some(second), edge, horizon);
+                self.push(Some(first), Some(second), edge);
             }
         }
         if let Some(n) = horizon {
@@ -181,7 +182,7 @@ impl Edges {
     }
 
     /// Adds an edge between two vertices; none stands for the seam.
-    fn push(&mut self, first: Option<usize>, second: Option<usize>, mut edge: Edge, horizon: Option<DVec3>) {
+    fn push(&mut self, first: Option<usize>, second: Option<usize>, mut edge: Edge) {
         let id = self.edges.len() as u32;
         match first {
             Some(v) => edge.next_start = std::mem::replace(&mut self.vertices[v].starts, id),
@@ -192,19 +193,15 @@ impl Edges {
                 let vertex = &mut self.vertices[v];
                 edge.next_end = std::mem::replace(&mut vertex.ends, id);
                 edge.end = vertex.position;
-                edge.end_azimuth = vertex.azimuth;
-                edge.end_height = vertex.height;
             }
-            None => {
-                edge.end = on_seam(edge.normal);
-                edge.end_height = horizon.map_or(1.0, |n| n.dot(edge.end));
-            }
+            None => edge.end = on_seam(edge.normal),
         }
         self.edges.push(edge);
     }
 
     /// Adds the horizon as four edges of a quarter turn each: an arc of half a turn or more has no closed form.
     fn push_horizon(&mut self, n: DVec3) {
+        self.horizon = self.edges.len() as u32;
         let mut first = None;
         for quarter in 0..4 {
             let second = (quarter < 3).then(|| {
@@ -213,7 +210,7 @@ impl Edges {
                 self.vertices.push(Vertex { position, azimuth, height: 1.0, ends: NIL, starts: NIL });
                 self.vertices.len() - 1
             });
-            self.push(first, second, Edge { is_horizon: true, ..Edge::new(n, HORIZON) }, None);
+            self.push(first, second, Edge::new(n, HORIZON));
             first = second;
         }
     }

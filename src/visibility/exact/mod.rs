@@ -5,6 +5,7 @@
 //! horizon's where nothing hides it -> [`Region`].
 
 mod chart;
+mod crossings;
 mod edges;
 mod region;
 mod sweep;

@@ -9,23 +9,18 @@
 //! Whether two neighbours cross is decided by one predicate, on which side of the one that ends later the other's last
 //! vertex lies. It does not depend on when it is asked, so no pair is exchanged twice by it.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use glam::DVec3;
 
 use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
-use super::edges::{Edge, Edges, HORIZON, NIL, SEAM, TOP, on_line, on_seam};
+use super::crossings::{Crossing, Crossings};
+use super::edges::{Edge, Edges, HORIZON, NIL, NO_LANDMARK, SEAM, TOP, Vertex, on_line, on_seam};
 use super::region::{Region, Residuals};
 use crate::sphere::BoundaryArc;
-
-/// Where two edges cross, unless the order has changed before: bits of the azimuth, upper edge, lower edge.
-type Crossing = Reverse<(u64, u32, u32)>;
 
 /// Buffers of the sweep, kept between receivers.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
-    crossings: BinaryHeap<Crossing>,
+    crossings: Crossings,
     ends: Vec<u32>,
     starts: Vec<u32>,
     landmarks: Landmarks,
@@ -49,15 +44,18 @@ const STRIDE: u32 = 8;
 pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_at_pole: i32, region: &mut Region) {
     region.boundary.clear();
     region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
-    queue.crossings.clear();
+    queue.crossings.reset(edges.order.len());
     queue.landmarks = Landmarks { edges: std::mem::take(&mut queue.landmarks.edges), steps: 0, budget: 0 };
     queue.landmarks.edges.clear();
     let mut sweep = Sweep {
         edges: &mut edges.edges,
+        vertices: &edges.vertices,
+        order: &edges.order,
         queue,
         chart,
         now: 0.0,
         horizon: NIL,
+        first_horizon: edges.horizon,
         residuals: &mut region.residuals,
         boundary: &mut region.boundary,
         solid_angle: 0.0,
@@ -77,12 +75,16 @@ pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_a
 
 struct Sweep<'a> {
     edges: &'a mut [Edge],
+    vertices: &'a [Vertex],
+    order: &'a [(u64, u32)],
     queue: &'a mut Queue,
     chart: &'a Chart,
     /// Azimuth of the event being handled.
     now: f64,
     /// The horizon's active edge, if there is a horizon.
     horizon: u32,
+    /// The edges from here on are the horizon's.
+    first_horizon: u32,
     residuals: &'a mut Residuals,
     boundary: &'a mut Vec<BoundaryArc>,
     solid_angle: f64,
@@ -117,7 +119,7 @@ impl Sweep<'_> {
         (top.above, top.next) = (depth_at_pole, NIL);
         let mut upper = TOP;
         for &id in &*at_seam {
-            if self.edge(id).is_horizon {
+            if id >= self.first_horizon {
                 self.horizon = id;
             }
             self.link(upper, id);
@@ -142,19 +144,31 @@ impl Sweep<'_> {
             if l.end_rank == u.end_rank && l.end_rank != SEAM {
                 return false;
             }
-            if u.is_horizon { l.end_height > 0.0 } else { u.normal.dot(l.end) > 0.0 }
-        } else if l.is_horizon {
-            u.end_height <= 0.0
+            if upper >= self.first_horizon { self.end_height(l) > 0.0 } else { u.normal.dot(l.end) > 0.0 }
+        } else if lower >= self.first_horizon {
+            self.end_height(u) <= 0.0
         } else {
             l.normal.dot(u.end) < 0.0
         }
+    }
+
+    /// Height of an edge's end above the horizon.
+    fn end_height(&self, edge: &Edge) -> f64 {
+        match self.order.get(edge.end_rank as usize) {
+            Some(&(_, v)) => self.vertices[v as usize].height,
+            None => self.edge(self.horizon).normal.dot(edge.end),
+        }
+    }
+
+    fn end_azimuth(&self, edge: &Edge) -> f64 {
+        self.order.get(edge.end_rank as usize).map_or(TURN_END, |&(key, _)| f64::from_bits(key))
     }
 
     /// Enters the crossing of two new neighbours, if they have one.
     fn expect_crossing(&mut self, upper: u32, lower: u32) {
         if self.crosses(upper, lower) {
             let key = self.crossing_azimuth(upper, lower).to_bits();
-            self.queue.crossings.push(Reverse((key, upper, lower)));
+            self.queue.crossings.push(Crossing { key, upper, lower });
         }
     }
 
@@ -164,7 +178,7 @@ impl Sweep<'_> {
         // Of the two intersections of the circles this is the one behind which u is below l. Where edges touch, rounding
         // may have made a crossing of it, and then it may be the other one: take the one nearer to the range.
         let crossing = u.normal.cross(l.normal);
-        let (now, end) = (self.now, u.end_azimuth.min(l.end_azimuth));
+        let (now, end) = (self.now, self.end_azimuth(if u.end_rank < l.end_rank { u } else { l }));
         let half_turn = 0.5 * TURN_END;
         let middle = 0.5 * (now + end);
         let mut ahead = azimuth(crossing.x, crossing.y) - middle;
@@ -178,13 +192,10 @@ impl Sweep<'_> {
     }
 
     fn cross_until(&mut self, key: u64) {
-        while let Some(&Reverse((crossing, upper, lower))) = self.queue.crossings.peek()
-            && crossing <= key
-        {
-            self.queue.crossings.pop();
+        while let Some(Crossing { key, upper, lower }) = self.queue.crossings.pop_until(key) {
             // An edge that has ended has no next.
             if self.edge(upper).next == lower {
-                self.now = f64::from_bits(crossing);
+                self.now = f64::from_bits(key);
                 self.exchange(upper, lower, None);
             }
         }
@@ -197,9 +208,13 @@ impl Sweep<'_> {
         self.link(before, lower);
         self.link(lower, upper);
         self.link(upper, after);
-        self.edge_mut(lower).above = self.edge(upper).above;
-        self.edge_mut(upper).above = self.below(lower);
-        if self.is_stale(upper) || self.is_stale(lower) {
+        let (top, between) = (self.edge(upper).above, self.edge(lower).above);
+        let bottom = self.below(lower);
+        let between_now = top + self.edge(lower).jump;
+        self.edge_mut(lower).above = top;
+        self.edge_mut(upper).above = between_now;
+        let was_and_is_hidden = top.min(bottom).min(between).min(between_now) > 0;
+        if !was_and_is_hidden && (self.is_stale(upper) || self.is_stale(lower)) {
             let point = point.unwrap_or_else(|| self.crossing_point(upper, lower));
             self.refresh(upper, point);
             self.refresh(lower, point);
@@ -301,7 +316,7 @@ impl Sweep<'_> {
             let id = self.queue.starts[i];
             self.link(upper, id);
             self.edge_mut(id).above = self.below(upper);
-            if self.edge(id).is_horizon {
+            if id >= self.first_horizon {
                 self.horizon = id;
             }
             self.refresh(id, position);
@@ -376,13 +391,13 @@ impl Sweep<'_> {
     fn choose_landmarks(&mut self) {
         let mut landmarks = std::mem::take(&mut self.queue.landmarks.edges);
         for id in landmarks.drain(..).filter(|&id| id != NIL) {
-            self.edge_mut(id).landmark = NIL;
+            self.edge_mut(id).landmark = NO_LANDMARK;
         }
         let (mut count, mut id) = (0, self.edge(TOP).next);
         while id != self.horizon && id != NIL {
             count += 1;
-            if count % STRIDE == 0 {
-                self.edge_mut(id).landmark = landmarks.len() as u32;
+            if count % STRIDE == 0 && landmarks.len() < NO_LANDMARK as usize {
+                self.edge_mut(id).landmark = landmarks.len() as u16;
                 landmarks.push(id);
             }
             id = self.edge(id).next;
@@ -424,8 +439,8 @@ impl Sweep<'_> {
             self.close_negative(id, position);
             self.edge_mut(id).next = NIL;
             let landmark = self.edge(id).landmark;
-            if landmark != NIL {
-                let free = self.queue.starts.iter().copied().find(|&start| self.edge(start).landmark == NIL);
+            if landmark != NO_LANDMARK {
+                let free = self.queue.starts.iter().copied().find(|&start| self.edge(start).landmark == NO_LANDMARK);
                 self.queue.landmarks.edges[landmark as usize] = free.unwrap_or(NIL);
                 if let Some(successor) = free {
                     self.edge_mut(successor).landmark = landmark;
