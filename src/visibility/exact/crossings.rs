@@ -6,13 +6,27 @@ use std::collections::BinaryHeap;
 use super::chart::TURN_END;
 use super::edges::NIL;
 
-/// Where two edges cross, unless the order has changed before.
+/// Where two edges cross, unless the order has changed before: bits of the azimuth, upper edge, lower edge. In one number,
+/// since heaps compare without branches then. The bits of a positive double sort as the double does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Crossing {
-    /// Bits of the azimuth: those of a positive double sort as the double does.
-    pub key: u64,
-    pub upper: u32,
-    pub lower: u32,
+pub(super) struct Crossing(u128);
+
+impl Crossing {
+    pub fn new(azimuth: f64, upper: u32, lower: u32) -> Self {
+        Self((azimuth.to_bits() as u128) << 64 | (upper as u128) << 32 | lower as u128)
+    }
+
+    pub fn azimuth(self) -> f64 {
+        f64::from_bits((self.0 >> 64) as u64)
+    }
+
+    pub fn upper(self) -> u32 {
+        (self.0 >> 32) as u32
+    }
+
+    pub fn lower(self) -> u32 {
+        self.0 as u32
+    }
 }
 
 /// A calendar queue (Brown 1988): buckets of azimuth, of which only the one at hand is kept in order, by a heap.
@@ -41,7 +55,7 @@ impl Crossings {
     }
 
     pub fn push(&mut self, crossing: Crossing) {
-        let bucket = self.bucket(crossing.key);
+        let bucket = self.bucket(crossing.azimuth());
         if bucket <= self.day {
             self.today.push(Reverse(crossing));
         } else {
@@ -51,17 +65,17 @@ impl Crossings {
         }
     }
 
-    /// The first crossing, unless it comes after `key`.
-    pub fn pop_until(&mut self, key: u64) -> Option<Crossing> {
+    /// The first crossing, unless it comes after `azimuth`.
+    pub fn pop_until(&mut self, azimuth: f64) -> Option<Crossing> {
         loop {
             if let Some(&Reverse(crossing)) = self.today.peek() {
-                if crossing.key > key {
+                if crossing.azimuth() > azimuth {
                     return None;
                 }
                 self.today.pop();
                 return Some(crossing);
             }
-            if self.day >= self.bucket(key) {
+            if self.day >= self.bucket(azimuth) {
                 return None;
             }
             self.day += 1;
@@ -74,7 +88,7 @@ impl Crossings {
         }
     }
 
-    fn bucket(&self, key: u64) -> usize {
-        ((f64::from_bits(key) * self.buckets_per_azimuth) as usize).min(self.first.len() - 1)
+    fn bucket(&self, azimuth: f64) -> usize {
+        ((azimuth * self.buckets_per_azimuth) as usize).min(self.first.len() - 1)
     }
 }

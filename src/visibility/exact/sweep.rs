@@ -9,11 +9,13 @@
 //! Whether two neighbours cross is decided by one predicate, on which side of the one that ends later the other's last
 //! vertex lies. It does not depend on when it is asked, so no pair is exchanged twice by it.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
 use super::crossings::{Crossing, Crossings};
-use super::edges::{Edge, Edges, HORIZON, NIL, NO_LANDMARK, SEAM, TOP, Vertex, on_line, on_seam};
+use super::edges::{Edge, Edges, HORIZON_JUMP, NIL, NO_LANDMARK, SEAM, TOP, Vertex, on_line, on_seam};
 use super::region::{Region, Residuals};
 use crate::sphere::BoundaryArc;
 
@@ -24,6 +26,8 @@ pub(super) struct Queue {
     ends: Vec<u32>,
     starts: Vec<u32>,
     landmarks: Landmarks,
+    /// Where the boundary arcs under way began, of {W = 0} and of {W < 0}, for edges whose `visible` or `negative` is not 0.
+    from: Vec<[DVec3; 2]>,
 }
 
 /// Every few edges of the order, from which searches set out. They may be out of date: they make searches short, not right.
@@ -44,30 +48,38 @@ const STRIDE: u32 = 8;
 pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_at_pole: i32, region: &mut Region) {
     region.boundary.clear();
     region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
-    queue.crossings.reset(edges.order.len());
+    queue.crossings.reset(edges.vertices.len());
     queue.landmarks = Landmarks { edges: std::mem::take(&mut queue.landmarks.edges), steps: 0, budget: 0 };
     queue.landmarks.edges.clear();
+    queue.from.resize(edges.edges.len(), [DVec3::ZERO; 2]);
     let mut sweep = Sweep {
         edges: &mut edges.edges,
         vertices: &edges.vertices,
-        order: &edges.order,
         queue,
         chart,
         now: 0.0,
-        horizon: NIL,
-        first_horizon: edges.horizon,
+        horizon: edges.horizon,
         residuals: &mut region.residuals,
         boundary: &mut region.boundary,
         solid_angle: 0.0,
     };
     sweep.begin(&mut edges.at_seam, depth_at_pole);
-    for &(key, v) in &edges.order {
-        sweep.cross_until(key);
-        sweep.now = f64::from_bits(key);
-        let vertex = &edges.vertices[v as usize];
-        sweep.vertex(vertex.position, vertex.height, vertex.ends, vertex.starts);
+    let mut quarter = 1.0;
+    for rank in 0..edges.vertices.len() {
+        let vertex = edges.vertices[rank];
+        while quarter <= vertex.azimuth && quarter < TURN_END {
+            sweep.break_horizon(quarter);
+            quarter += 1.0;
+        }
+        sweep.cross_until(vertex.azimuth);
+        sweep.now = vertex.azimuth;
+        sweep.vertex(&vertex, Edges::starts(sweep.vertices, sweep.edges, rank));
     }
-    sweep.cross_until(TURN_END.to_bits());
+    while quarter < TURN_END {
+        sweep.break_horizon(quarter);
+        quarter += 1.0;
+    }
+    sweep.cross_until(TURN_END);
     sweep.finish();
     region.solid_angle = sweep.solid_angle;
     region.residuals.closure = region.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
@@ -76,15 +88,12 @@ pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_a
 struct Sweep<'a> {
     edges: &'a mut [Edge],
     vertices: &'a [Vertex],
-    order: &'a [(u64, u32)],
     queue: &'a mut Queue,
     chart: &'a Chart,
     /// Azimuth of the event being handled.
     now: f64,
-    /// The horizon's active edge, if there is a horizon.
+    /// The horizon's edge, or NIL.
     horizon: u32,
-    /// The edges from here on are the horizon's.
-    first_horizon: u32,
     residuals: &'a mut Residuals,
     boundary: &'a mut Vec<BoundaryArc>,
     solid_angle: f64,
@@ -119,9 +128,6 @@ impl Sweep<'_> {
         (top.above, top.next) = (depth_at_pole, NIL);
         let mut upper = TOP;
         for &id in &*at_seam {
-            if id >= self.first_horizon {
-                self.horizon = id;
-            }
             self.link(upper, id);
             self.edge_mut(id).next = NIL;
             self.edge_mut(id).above = self.below(upper);
@@ -135,40 +141,47 @@ impl Sweep<'_> {
     }
 
     /// Whether two neighbours cross before either of them ends.
+    #[inline(always)]
     fn crosses(&self, upper: u32, lower: u32) -> bool {
         if lower == NIL {
             return false;
         }
         let (u, l) = (self.edge(upper), self.edge(lower));
-        if l.end_rank <= u.end_rank {
-            if l.end_rank == u.end_rank && l.end_rank != SEAM {
+        if l.end <= u.end {
+            if l.end == u.end && l.end != SEAM {
                 return false;
             }
-            if upper >= self.first_horizon { self.end_height(l) > 0.0 } else { u.normal.dot(l.end) > 0.0 }
-        } else if lower >= self.first_horizon {
+            if upper == self.horizon { self.end_height(l) > 0.0 } else { u.normal.dot(self.end(l)) > 0.0 }
+        } else if lower == self.horizon {
             self.end_height(u) <= 0.0
         } else {
-            l.normal.dot(u.end) < 0.0
+            l.normal.dot(self.end(u)) < 0.0
         }
+    }
+
+    /// Last point of an edge.
+    fn end(&self, edge: &Edge) -> DVec3 {
+        self.vertices.get(edge.end as usize).map_or_else(|| on_seam(edge.normal), |vertex| vertex.position)
     }
 
     /// Height of an edge's end above the horizon.
     fn end_height(&self, edge: &Edge) -> f64 {
-        match self.order.get(edge.end_rank as usize) {
-            Some(&(_, v)) => self.vertices[v as usize].height,
-            None => self.edge(self.horizon).normal.dot(edge.end),
+        match self.vertices.get(edge.end as usize) {
+            Some(vertex) => vertex.height,
+            None => self.edge(self.horizon).normal.dot(on_seam(edge.normal)),
         }
     }
 
     fn end_azimuth(&self, edge: &Edge) -> f64 {
-        self.order.get(edge.end_rank as usize).map_or(TURN_END, |&(key, _)| f64::from_bits(key))
+        self.vertices.get(edge.end as usize).map_or(TURN_END, |vertex| vertex.azimuth)
     }
 
     /// Enters the crossing of two new neighbours, if they have one.
+    #[inline]
     fn expect_crossing(&mut self, upper: u32, lower: u32) {
         if self.crosses(upper, lower) {
-            let key = self.crossing_azimuth(upper, lower).to_bits();
-            self.queue.crossings.push(Crossing { key, upper, lower });
+            let crossing = Crossing::new(self.crossing_azimuth(upper, lower), upper, lower);
+            self.queue.crossings.push(crossing);
         }
     }
 
@@ -178,7 +191,7 @@ impl Sweep<'_> {
         // Of the two intersections of the circles this is the one behind which u is below l. Where edges touch, rounding
         // may have made a crossing of it, and then it may be the other one: take the one nearer to the range.
         let crossing = u.normal.cross(l.normal);
-        let (now, end) = (self.now, self.end_azimuth(if u.end_rank < l.end_rank { u } else { l }));
+        let (now, end) = (self.now, self.end_azimuth(if u.end < l.end { u } else { l }));
         let half_turn = 0.5 * TURN_END;
         let middle = 0.5 * (now + end);
         let mut ahead = azimuth(crossing.x, crossing.y) - middle;
@@ -191,13 +204,25 @@ impl Sweep<'_> {
         (middle + ahead).min(end).max(now)
     }
 
-    fn cross_until(&mut self, key: u64) {
-        while let Some(Crossing { key, upper, lower }) = self.queue.crossings.pop_until(key) {
+    fn cross_until(&mut self, azimuth: f64) {
+        while let Some(crossing) = self.queue.crossings.pop_until(azimuth) {
+            let (upper, lower) = (crossing.upper(), crossing.lower());
             // An edge that has ended has no next.
             if self.edge(upper).next == lower {
-                self.now = f64::from_bits(key);
+                self.now = crossing.azimuth();
                 self.exchange(upper, lower, None);
             }
+        }
+    }
+
+    /// Ends the horizon's boundary arc and begins another: an arc of half a turn or more has no closed form.
+    fn break_horizon(&mut self, azimuth: f64) {
+        if self.horizon != NIL {
+            self.cross_until(azimuth);
+            let point = on_line(self.edge(self.horizon).normal, azimuth).normalize();
+            self.close_visible(self.horizon, point);
+            self.close_negative(self.horizon, point);
+            self.queue.from[self.horizon as usize] = [point; 2];
         }
     }
 
@@ -257,19 +282,19 @@ impl Sweep<'_> {
         let (visible, negative) = self.sides(id);
         if visible != self.edge(id).visible {
             self.close_visible(id, point);
-            let edge = self.edge_mut(id);
-            (edge.visible, edge.visible_from) = (visible, point);
+            self.edge_mut(id).visible = visible;
+            self.queue.from[id as usize][0] = point;
         }
         if negative != self.edge(id).negative {
             self.close_negative(id, point);
-            let edge = self.edge_mut(id);
-            (edge.negative, edge.negative_from) = (negative, point);
+            self.edge_mut(id).negative = negative;
+            self.queue.from[id as usize][1] = point;
         }
     }
 
     fn close_visible(&mut self, id: u32, to: DVec3) {
         let edge = self.edge(id);
-        if let Some(arc) = self.arc(edge.normal, edge.visible_from, to, edge.visible) {
+        if let Some(arc) = self.arc(edge.normal, self.queue.from[id as usize][0], to, edge.visible) {
             self.solid_angle += arc.solid_angle_from(DVec3::Z);
             let chart = self.chart;
             self.boundary.push(BoundaryArc {
@@ -282,7 +307,7 @@ impl Sweep<'_> {
 
     fn close_negative(&mut self, id: u32, to: DVec3) {
         let edge = self.edge(id);
-        if let Some(arc) = self.arc(edge.normal, edge.negative_from, to, edge.negative) {
+        if let Some(arc) = self.arc(edge.normal, self.queue.from[id as usize][1], to, edge.negative) {
             self.residuals.negative += arc.solid_angle_from(DVec3::Z);
         }
     }
@@ -304,21 +329,19 @@ impl Sweep<'_> {
     }
 
     /// Replaces the edges that end at a vertex by those that start there.
-    fn vertex(&mut self, position: DVec3, height: f64, ends: u32, starts: u32) {
-        let is_below = height <= 0.0;
-        self.collect(ends, starts, is_below);
-        let (mut upper, lower) = match self.queue.ends.first() {
-            None => self.locate(position, is_below),
-            Some(_) => self.remove_ends(position, is_below),
+    fn vertex(&mut self, vertex: &Vertex, starts: Range<u32>) {
+        let (position, is_below) = (vertex.position, vertex.height <= 0.0);
+        self.collect(vertex.ends, starts, is_below);
+        let (mut upper, lower) = match (self.queue.ends.is_empty(), self.queue.starts.is_empty()) {
+            (true, true) => return,
+            (true, false) => self.locate(position, is_below),
+            _ => self.remove_ends(position, is_below),
         };
         let first = upper;
         for i in 0..self.queue.starts.len() {
             let id = self.queue.starts[i];
             self.link(upper, id);
             self.edge_mut(id).above = self.below(upper);
-            if id >= self.first_horizon {
-                self.horizon = id;
-            }
             self.refresh(id, position);
             upper = id;
         }
@@ -332,7 +355,7 @@ impl Sweep<'_> {
     }
 
     /// Lists the edges that end and start at a vertex, the latter downwards; checks that their jumps cancel.
-    fn collect(&mut self, mut ends: u32, mut starts: u32, is_below: bool) {
+    fn collect(&mut self, mut ends: u32, starts: Range<u32>, is_below: bool) {
         let mut balance = 0;
         self.queue.ends.clear();
         while ends != NIL {
@@ -341,10 +364,9 @@ impl Sweep<'_> {
             ends = self.edge(ends).next_end;
         }
         self.queue.starts.clear();
-        while starts != NIL {
-            self.queue.starts.push(starts);
-            balance += self.edge(starts).jump;
-            starts = self.edge(starts).next_start;
+        for start in starts {
+            self.queue.starts.push(start);
+            balance += self.edge(start).jump;
         }
         if balance != 0 && !is_below {
             self.residuals.unbalanced += 1;
@@ -382,7 +404,7 @@ impl Sweep<'_> {
         let landmarks = &self.queue.landmarks.edges;
         let is_above = |id: u32| {
             let edge = self.edge(id);
-            edge.above < HORIZON / 2 && edge.normal.dot(position) <= 0.0
+            edge.above < HORIZON_JUMP / 2 && edge.normal.dot(position) <= 0.0
         };
         let below = landmarks.partition_point(|&id| id == NIL || is_above(id));
         landmarks[..below].iter().rev().copied().find(|&id| id != NIL && is_above(id)).unwrap_or(TOP)
@@ -412,7 +434,7 @@ impl Sweep<'_> {
             for i in 0..self.queue.ends.len() {
                 let id = self.queue.ends[i];
                 // Above the horizon by rounding only.
-                while self.edge(id).above < HORIZON / 2 && self.edge(id).next != NIL {
+                while self.edge(id).above < HORIZON_JUMP / 2 && self.edge(id).next != NIL {
                     self.force(id, self.edge(id).next, position);
                 }
             }
