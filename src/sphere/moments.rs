@@ -180,7 +180,7 @@ fn accumulate_portable(bands: usize, lobes: &Lobes, arcs: &[BoundaryArc], sums: 
             let mut integral = [tau; LANES];
             let (mut d, mut d_before) = (zero, zero);
             let (mut e, mut e_before) = (zero, zero);
-            for l in 1..bands {
+            for (l, sums) in sums.iter_mut().enumerate().take(bands).skip(1) {
                 let odd = (2 * l - 1) as f64;
                 let (inverse, inverse_square) = (1.0 / l as f64, 1.0 / (l * l) as f64);
                 let d_next = lanes(|i| d_before[i] + odd * integral[i]);
@@ -199,7 +199,7 @@ fn accumulate_portable(bands: usize, lobes: &Lobes, arcs: &[BoundaryArc], sums: 
                 (q1_before, q1) = (q1, q1_next);
                 (p0_before, p0) = (p0, p0_next);
                 (p1_before, p1) = (p1, p1_next);
-                let sum = &mut sums[l][block];
+                let sum = &mut sums[block];
                 *sum = lanes(|i| sum[i] + n[i] * d[i]);
             }
         }

@@ -33,11 +33,11 @@ impl Chart {
         self.to_world.z_axis
     }
 
-    pub fn to_chart(&self, v: DVec3) -> DVec3 {
+    pub fn local(&self, v: DVec3) -> DVec3 {
         DVec3::new(self.to_world.x_axis.dot(v), self.to_world.y_axis.dot(v), self.to_world.z_axis.dot(v))
     }
 
-    pub fn to_world(&self, v: DVec3) -> DVec3 {
+    pub fn world(&self, v: DVec3) -> DVec3 {
         self.to_world * v
     }
 }

@@ -146,7 +146,7 @@ impl Edges {
         if let Some(n) = normal {
             self.horizon = HORIZON_EDGE;
             self.at_seam.push(HORIZON_EDGE);
-            self.edges[HORIZON_EDGE as usize] = Edge::new(chart.to_chart(n), HORIZON_JUMP);
+            self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP);
         }
         for vertex in &mut self.vertices {
             let count = std::mem::replace(&mut vertex.starts, start);
@@ -157,7 +157,7 @@ impl Edges {
             let Span { arc, first, second, wraps } = self.spans[i];
             let arc = contours.arcs[arc as usize];
             let (a, b) = (contours.directions[arc.a as usize], contours.directions[arc.b as usize]);
-            let cross = chart.to_chart(cross(a, b));
+            let cross = chart.local(cross(a, b));
             let is_forward = self.ranks[arc.a as usize] == first;
             let (normal, jump) = if is_forward { (cross, arc.jump) } else { (-cross, -arc.jump) };
             if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {
@@ -201,7 +201,7 @@ impl Edges {
         self.unsorted.clear();
         self.unsorted.extend(contours.directions.iter().zip(&contours.heights).map(|(&direction, &height)| {
             // The scale keeps squares in range for all of f32's exponents and beyond.
-            let position = chart.to_chart(direction / direction.abs().max_element()).normalize_or_zero();
+            let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
             let azimuth = azimuth(position.x, position.y);
             Vertex { position, azimuth, height: if has_horizon { height } else { 1.0 }, ends: NIL, starts: 0 }
         }));

@@ -4,13 +4,16 @@
 //! full turn that keeps the edges ordered from the pole downwards and W with them -> the arcs where W turns zero, and the
 //! horizon's where nothing hides it -> [`Region`].
 
+mod boundary;
 mod chart;
 mod crossings;
 mod edges;
+mod landmarks;
 mod region;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod vertex;
 
 use glam::DVec3;
 

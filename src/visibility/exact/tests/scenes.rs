@@ -15,9 +15,8 @@ fn sign(triangle: &Triangle, receiver: DVec3) -> i32 {
     let [a, b, c] = triangle.map(|corner| corner - receiver);
     let n = (b - a).cross(c - a);
     let height = n.dot(-a);
-    if n == DVec3::ZERO {
-        0
-    } else if height == 0.0 && [a.cross(b), b.cross(c), c.cross(a)].iter().all(|edge| edge.dot(n) >= 0.0) {
+    let surrounds = || [a.cross(b), b.cross(c), c.cross(a)].iter().all(|edge| edge.dot(n) >= 0.0);
+    if n == DVec3::ZERO || height == 0.0 && surrounds() {
         0
     } else if height >= 0.0 {
         1

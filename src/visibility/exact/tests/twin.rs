@@ -6,8 +6,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use glam::{DMat3, DVec3};
 
 use super::scenes::{Random, Triangle};
-use super::{Answer, exact};
-use crate::sphere::{Order, evaluate, gauss_legendre};
+use super::{Answer, exact, order};
+use crate::sphere::{evaluate, gauss_legendre};
 
 /// The visible intervals of latitude at one azimuth.
 fn visible(cells: &[Vec<DVec3>], horizon: Option<DVec3>, meridian: DVec3) -> Vec<(f64, f64)> {
@@ -88,7 +88,7 @@ pub fn quadrature(triangles: &[Triangle], receiver: DVec3, normal: Option<DVec3>
     corners.iter().flatten().for_each(|&v| add(v));
     breaks.sort_by(f64::total_cmp);
 
-    let order = Order::MAX;
+    let order = order();
     let mut result = Answer { harmonics: vec![0.0; order.len()], ..Answer::default() };
     let mut y = vec![0.0; order.len()];
     // Degree 9 and a cosine over an interval of half a turn need 32 nodes, short ones fewer.
