@@ -15,6 +15,10 @@ impl Sweep<'_> {
         let (u, l) = (self.edge(upper).normal, self.edge(lower).normal);
         let crossing = u.cross(l);
         let (uu, ll) = (u.length_squared(), l.length_squared());
+        // An edge that is a point has no line: the crossing is where it is.
+        if uu == 0.0 || ll == 0.0 {
+            return self.end(self.edge(if uu == 0.0 { upper } else { lower }));
+        }
         if crossing.length_squared() > PARALLEL * PARALLEL * uu * ll {
             let crossing = crossing.normalize();
             let (x, y) = at_azimuth(self.now);

@@ -128,13 +128,14 @@ impl Sweep<'_> {
     /// Whether two neighbours cross before either of them ends.
     #[inline(always)]
     pub(super) fn crosses(&self, upper: u32, lower: u32) -> bool {
-        if lower == NIL {
+        if upper == TOP || lower == NIL {
             return false;
         }
         let (u, l) = (self.edge(upper), self.edge(lower));
         if l.end <= u.end {
-            if l.end == u.end && l.end != SEAM {
-                return false;
+            if l.end == u.end {
+                // At the seam heights decide, so that no rounding can make both of two orders wrong.
+                return l.end == SEAM && on_seam(l.normal).z > on_seam(u.normal).z;
             }
             if upper == self.horizon { self.end_height(l) > 0.0 } else { u.normal.dot(self.end(l)) > 0.0 }
         } else if lower == self.horizon {

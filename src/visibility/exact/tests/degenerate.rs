@@ -116,6 +116,21 @@ fn edges_that_coincide_within_rounding() {
     }
 }
 
+/// Edges along lines of sight: their ends coincide within rounding, and what direction they have is noise.
+#[test]
+fn edges_seen_end_on() {
+    let mut random = Random(14);
+    for _ in 0..100 {
+        let directions = [(); 3].map(|()| random.direction());
+        let mut corner = || directions[(3.0 * random.number()) as usize] * (0.5 + random.number());
+        let corners: Vec<DVec3> = (0..9).map(|_| corner()).collect();
+        let mut pick = || corners[(9.0 * random.number()) as usize];
+        let faces: Vec<Triangle> = (0..6).map(|_| [pick(), pick(), pick()]).collect();
+        let normal = Some(random.direction());
+        agree(&faces, DVec3::ZERO, normal, 1e-11);
+    }
+}
+
 /// Floor and walls in planes through the receiver: seen edge-on, they hide nothing.
 #[test]
 fn faces_seen_edge_on() {
