@@ -1,16 +1,20 @@
 //! The unit sphere: octahedral map, harmonics, arcs, closed forms.
 
+mod arcs;
 pub mod closed_forms;
 mod cosine_product;
 mod harmonics;
+mod moments;
 mod octahedron;
 mod product;
 mod quadrature;
 mod rotation;
 mod zonal;
 
+pub use arcs::{BoundaryArc, vector_area};
 pub use cosine_product::cosine_product;
 pub use harmonics::{Order, evaluate, evaluate_many, index};
+pub use moments::region_harmonics;
 pub use octahedron::{Sheet, octahedral, octahedral_direction, octahedral_jacobian};
 pub use product::{TripleEntry, TripleProduct};
 pub use quadrature::{gauss_legendre, product_rule};

@@ -3,6 +3,7 @@
 mod contours;
 mod crossings;
 mod depth;
+pub mod exact;
 mod isolines;
 mod sweep;
 mod view;

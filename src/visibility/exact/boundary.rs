@@ -1,0 +1,94 @@
+//! Boundary arcs: where one side of an edge alone has W = 0.
+
+use glam::DVec3;
+
+use super::chart::at_azimuth;
+use super::edges::on_line;
+use super::sweep::Sweep;
+use crate::sphere::BoundaryArc;
+
+impl Sweep<'_> {
+    /// A unit vector on both edges, or within rounding of them.
+    pub(super) fn crossing_point(&self, upper: u32, lower: u32) -> DVec3 {
+        /// Sine of the angle below which the crossing of two lines is worse known than its azimuth has been clamped.
+        const PARALLEL: f64 = 1e-4;
+        let (u, l) = (self.edge(upper).normal, self.edge(lower).normal);
+        let crossing = u.cross(l);
+        let (uu, ll) = (u.length_squared(), l.length_squared());
+        // An edge that is a point has no line: the crossing is where it is.
+        if uu == 0.0 || ll == 0.0 {
+            return self.end(self.edge(if uu == 0.0 { upper } else { lower }));
+        }
+        if crossing.length_squared() > PARALLEL * PARALLEL * uu * ll {
+            let crossing = crossing.normalize();
+            let (x, y) = at_azimuth(self.now);
+            return if crossing.x * x + crossing.y * y < 0.0 { -crossing } else { crossing };
+        }
+        // The line further from the pole is the better known at an azimuth.
+        let steady = if u.z * u.z * ll > l.z * l.z * uu { u } else { l };
+        on_line(steady, self.now).normalize_or_zero()
+    }
+
+    /// Which sides of an edge are visible, which negative.
+    pub(super) fn sides(&self, id: u32) -> (i8, i8) {
+        let above = self.edge(id).above;
+        let below = self.below(id);
+        ((above == 0) as i8 - (below == 0) as i8, (above < 0) as i8 - (below < 0) as i8)
+    }
+
+    pub(super) fn is_stale(&self, id: u32) -> bool {
+        let edge = self.edge(id);
+        self.sides(id) != (edge.visible, edge.negative)
+    }
+
+    /// Ends and begins boundary arcs on an edge after W has changed beside it.
+    pub(super) fn refresh(&mut self, id: u32, point: DVec3) {
+        let (visible, negative) = self.sides(id);
+        if visible != self.edge(id).visible {
+            self.close_visible(id, point);
+            self.edge_mut(id).visible = visible;
+            self.queue.from[id as usize][0] = point;
+        }
+        if negative != self.edge(id).negative {
+            self.close_negative(id, point);
+            self.edge_mut(id).negative = negative;
+            self.queue.from[id as usize][1] = point;
+        }
+    }
+
+    pub(super) fn close_visible(&mut self, id: u32, to: DVec3) {
+        let edge = self.edge(id);
+        if let Some(arc) = self.arc(edge.normal, self.queue.from[id as usize][0], to, edge.visible) {
+            self.solid_angle += arc.solid_angle_from(DVec3::Z);
+            let chart = self.chart;
+            self.boundary.push(BoundaryArc {
+                start: chart.world(arc.start),
+                end: chart.world(arc.end),
+                normal: chart.world(arc.normal),
+            });
+        }
+    }
+
+    pub(super) fn close_negative(&mut self, id: u32, to: DVec3) {
+        let edge = self.edge(id);
+        if let Some(arc) = self.arc(edge.normal, self.queue.from[id as usize][1], to, edge.negative) {
+            self.residuals.negative += arc.solid_angle_from(DVec3::Z);
+        }
+    }
+
+    /// The arc of a line between two points, its region on the left; none if there is no region or no line.
+    pub(super) fn arc(&mut self, normal: DVec3, from: DVec3, to: DVec3, side: i8) -> Option<BoundaryArc> {
+        if side == 0 || normal == DVec3::ZERO {
+            return None;
+        }
+        let normal = normal.normalize();
+        let (off_start, off_end) = (normal.dot(from), normal.dot(to));
+        self.residuals.gap = self.residuals.gap.max(off_start.abs()).max(off_end.abs());
+        let (start, end) = (from - off_start * normal, to - off_end * normal);
+        Some(if side > 0 {
+            BoundaryArc { start, end, normal }
+        } else {
+            BoundaryArc { start: end, end: start, normal: -normal }
+        })
+    }
+}

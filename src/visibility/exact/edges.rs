@@ -1,0 +1,251 @@
+//! Contours in the chart: the vertices in order of azimuth, the edges between them as directed lines.
+
+use glam::DVec3;
+
+use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
+use crate::visibility::{Arc, ReceiverContours};
+
+/// No edge, no vertex.
+pub(super) const NIL: u32 = u32::MAX;
+/// The edge that stands for the pole: above all others, never ending.
+pub(super) const TOP: u32 = 0;
+/// The edge that stands for the horizon, if there is one.
+const HORIZON_EDGE: u32 = 1;
+/// The second vertex of edges that reach the seam.
+pub(super) const SEAM: u32 = u32::MAX;
+/// Not a landmark.
+pub(super) const NO_LANDMARK: u16 = u16::MAX;
+/// Jump of the horizon: more than any scene's depth, so nothing below it is visible.
+pub(super) const HORIZON_JUMP: i32 = 1 << 29;
+
+/// A vertex of the contours, an event of the sweep.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Vertex {
+    /// Unit vector in chart coordinates.
+    pub position: DVec3,
+    pub azimuth: f64,
+    /// Positive above the horizon. Its sign alone decides, and it alone decides.
+    pub height: f64,
+    /// First of the edges that end here, linked by `next_end`.
+    pub ends: u32,
+    /// First of the edges that start here; they lie side by side, up to the first of the next vertex.
+    pub starts: u32,
+}
+
+/// A piece of a contour, from its first vertex to its second in the order of azimuth. One cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Edge {
+    /// first x second in chart coordinates, not normalised: positive above the edge. Zero for edges too short to have a
+    /// direction: they are points, on neither side of which anything lies.
+    pub normal: DVec3,
+    /// Second vertex, or SEAM.
+    pub end: u32,
+    /// Neighbours in the status, downwards and upwards.
+    pub next: u32,
+    pub prev: u32,
+    /// W just above.
+    pub above: i32,
+    /// Change of W on crossing it downwards.
+    pub jump: i32,
+    pub next_end: u32,
+    /// Place among the landmarks of the status, if it is one.
+    pub landmark: u16,
+    /// Side of the edge on which W = 0 alone (+1 above, -1 below, 0 neither or both).
+    pub visible: i8,
+    /// The same for W < 0.
+    pub negative: i8,
+}
+
+impl Edge {
+    fn new(normal: DVec3, jump: i32) -> Self {
+        Self {
+            normal,
+            end: SEAM,
+            next: NIL,
+            prev: NIL,
+            above: 0,
+            jump,
+            next_end: NIL,
+            landmark: NO_LANDMARK,
+            visible: 0,
+            negative: 0,
+        }
+    }
+}
+
+/// Where the line with this normal, its z positive, is at an azimuth; not normalised.
+pub(super) fn on_line(normal: DVec3, azimuth: f64) -> DVec3 {
+    let (x, y) = at_azimuth(azimuth);
+    DVec3::new(x * normal.z, y * normal.z, -(normal.x * x + normal.y * y))
+}
+
+/// Where it crosses the seam, the half-plane y = 0, x > 0.
+pub(super) fn on_seam(normal: DVec3) -> DVec3 {
+    on_line(normal, 0.0).normalize_or_zero()
+}
+
+/// Arcs shorter than this many radians are points: unit vectors carry no direction below it.
+const SHORTEST: f64 = 1e-14;
+/// Sine of the least angle between the plane of an edge and the pole, and of the least distance between a vertex and the pole.
+const NEAREST_TO_POLE: f64 = 1e-10;
+
+/// An edge or a vertex meets the pole: another chart is needed.
+pub(super) struct MeetsPole;
+
+/// Vertices and edges of one receiver in one chart.
+#[derive(Debug, Default)]
+pub(super) struct Edges {
+    /// By azimuth, ties by index in the contours.
+    pub vertices: Vec<Vertex>,
+    /// The pole, the horizon if there is one, then the edges at the seam, then the others by first vertex: the sweep
+    /// reads memory in order.
+    pub edges: Vec<Edge>,
+    /// Edges that cross the seam, to begin with.
+    pub at_seam: Vec<u32>,
+    /// The horizon's edge, or NIL.
+    pub horizon: u32,
+    /// Directions that are zero or not finite.
+    pub bad: u32,
+    /// In the order of the contours: vertices, and their places by azimuth.
+    unsorted: Vec<Vertex>,
+    ranks: Vec<u32>,
+    keys: Vec<(u64, u32)>,
+    spans: Vec<Span>,
+}
+
+/// An arc of the contours that is not left out, by the ranks of its vertices in the order of the sweep.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    arc: u32,
+    first: u32,
+    second: u32,
+    wraps: bool,
+}
+
+impl Edges {
+    /// Fills this from contours. Arcs between two vertices below the horizon are left out. With `lenient`, edges that meet
+    /// the pole are kept, wherever rounding puts them.
+    pub fn fill(
+        &mut self,
+        contours: &ReceiverContours,
+        normal: Option<DVec3>,
+        chart: &Chart,
+        lenient: bool,
+    ) -> Result<(), MeetsPole> {
+        self.sort_vertices(contours, normal.is_some(), chart);
+        self.find_spans(contours);
+
+        let mut seam = if normal.is_some() { HORIZON_EDGE + 1 } else { TOP + 1 };
+        let mut start = seam + self.spans.iter().filter(|span| span.wraps).count() as u32;
+        // Every place is written below: what is there already need not be cleared.
+        self.edges.resize(start as usize + self.spans.len(), Edge::new(DVec3::ZERO, 0));
+        self.edges[TOP as usize] = Edge::new(DVec3::ZERO, 0);
+        self.at_seam.clear();
+        self.horizon = NIL;
+        if let Some(n) = normal {
+            self.horizon = HORIZON_EDGE;
+            self.at_seam.push(HORIZON_EDGE);
+            self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP);
+        }
+        for vertex in &mut self.vertices {
+            let count = std::mem::replace(&mut vertex.starts, start);
+            start += count;
+        }
+
+        for i in 0..self.spans.len() {
+            let Span { arc, first, second, wraps } = self.spans[i];
+            let arc = contours.arcs[arc as usize];
+            let (a, b) = (contours.directions[arc.a as usize], contours.directions[arc.b as usize]);
+            let cross = chart.local(cross(a, b));
+            let is_forward = self.ranks[arc.a as usize] == first;
+            let (normal, jump) = if is_forward { (cross, arc.jump) } else { (-cross, -arc.jump) };
+            if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {
+                return Err(MeetsPole);
+            }
+            let edge = Edge::new(normal, jump);
+            // Until all edges have their place, `starts` is where the next one goes.
+            let next_place = &mut self.vertices[first as usize].starts;
+            let place = *next_place;
+            *next_place += 1;
+            if wraps {
+                self.edges[place as usize] = edge;
+                self.end_at(seam, edge, second);
+                self.at_seam.push(seam);
+                seam += 1;
+            } else {
+                self.end_at(place, edge, second);
+            }
+        }
+        for i in (1..self.vertices.len()).rev() {
+            self.vertices[i].starts = self.vertices[i - 1].starts;
+        }
+        if let Some(vertex) = self.vertices.first_mut() {
+            vertex.starts = seam;
+        }
+        Ok(())
+    }
+
+    /// The edges that start at a vertex.
+    pub fn starts(vertices: &[Vertex], edges: &[Edge], rank: usize) -> std::ops::Range<u32> {
+        vertices[rank].starts..vertices.get(rank + 1).map_or(edges.len() as u32, |next| next.starts)
+    }
+
+    fn end_at(&mut self, id: u32, edge: Edge, second: u32) {
+        let vertex = &mut self.vertices[second as usize];
+        let next_end = std::mem::replace(&mut vertex.ends, id);
+        self.edges[id as usize] = Edge { end: second, next_end, ..edge };
+    }
+
+    fn sort_vertices(&mut self, contours: &ReceiverContours, has_horizon: bool, chart: &Chart) {
+        self.unsorted.clear();
+        self.unsorted.extend(contours.directions.iter().zip(&contours.heights).map(|(&direction, &height)| {
+            // The scale keeps squares in range for all of f32's exponents and beyond.
+            let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
+            let azimuth = azimuth(position.x, position.y);
+            Vertex { position, azimuth, height: if has_horizon { height } else { 1.0 }, ends: NIL, starts: 0 }
+        }));
+        self.keys.clear();
+        // The bits of a positive double sort as the double does.
+        self.keys.extend(self.unsorted.iter().enumerate().map(|(v, vertex)| (vertex.azimuth.to_bits(), v as u32)));
+        self.keys.sort_unstable();
+        self.ranks.clear();
+        self.ranks.resize(self.unsorted.len(), NIL);
+        self.vertices.clear();
+        for (rank, &(_, v)) in self.keys.iter().enumerate() {
+            self.ranks[v as usize] = rank as u32;
+            self.vertices.push(self.unsorted[v as usize]);
+        }
+    }
+
+    /// Lists the arcs to keep and counts those that start at each vertex.
+    fn find_spans(&mut self, contours: &ReceiverContours) {
+        self.bad = 0;
+        self.spans.clear();
+        for (arc, &Arc { a, b, .. }) in contours.arcs.iter().enumerate() {
+            let (va, vb) = (&self.unsorted[a as usize], &self.unsorted[b as usize]);
+            if va.height <= 0.0 && vb.height <= 0.0 {
+                continue;
+            }
+            if va.position == DVec3::ZERO || vb.position == DVec3::ZERO {
+                self.bad += 1;
+                continue;
+            }
+            let (a, b) = (self.ranks[a as usize], self.ranks[b as usize]);
+            let wraps = (va.azimuth - vb.azimuth).abs() > 0.5 * TURN_END;
+            let (first, second) = if (a < b) != wraps { (a, b) } else { (b, a) };
+            self.spans.push(Span { arc: arc as u32, first, second, wraps });
+            self.vertices[first as usize].starts += 1;
+        }
+    }
+}
+
+/// a x b but for a positive factor that keeps it in range, zero if a and b are one point.
+fn cross(a: DVec3, b: DVec3) -> DVec3 {
+    let (scale_a, scale_b) = (a.abs().max_element().recip(), b.abs().max_element().recip());
+    let (unit_a, unit_b) = (scale_a * a, scale_b * b);
+    // The difference is taken before anything is rounded: short arcs keep their direction.
+    let cross = unit_a.cross(scale_b * (b - a));
+    let is_point = cross.length_squared() < SHORTEST * SHORTEST * unit_a.length_squared() * unit_b.length_squared();
+    if is_point { DVec3::ZERO } else { cross }
+}

@@ -1,0 +1,258 @@
+//! The sweep: one total order of the active edges, from the pole downwards, followed through a full turn of azimuth.
+//!
+//! The order changes only by exchanges of two neighbours, and W is carried along with it: just above an edge it is what it
+//! is just below the edge before. Whatever rounding does to the positions of crossings, at every azimuth the edges are in
+//! *some* order, so the visible intervals' ends pair up and the boundary closes; edges that rounding cannot tell apart
+//! bound slivers of no area, in whichever order they are taken (Bentley and Ottmann 1979, with the topology deciding as
+//! in Sugihara and Iri 1989).
+//!
+//! Whether two neighbours cross is decided by one predicate, on which side of the one that ends later the other's last
+//! vertex lies. It does not depend on when it is asked, so no pair is exchanged twice by it.
+
+use glam::DVec3;
+
+use super::chart::{Chart, TURN_END, azimuth};
+use super::crossings::{Crossing, Crossings};
+use super::edges::{Edge, Edges, NIL, SEAM, TOP, Vertex, on_line, on_seam};
+use super::landmarks::Landmarks;
+use super::region::{Region, Residuals};
+use crate::sphere::BoundaryArc;
+
+/// Buffers of the sweep, kept between receivers.
+#[derive(Debug, Default)]
+pub(super) struct Queue {
+    pub(super) crossings: Crossings,
+    pub(super) ends: Vec<u32>,
+    pub(super) starts: Vec<u32>,
+    pub(super) landmarks: Landmarks,
+    /// Where the boundary arcs under way began, of {W = 0} and of {W < 0}, for edges whose `visible` or `negative` is not 0.
+    pub(super) from: Vec<[DVec3; 2]>,
+}
+
+/// Sweeps over the edges and writes the boundary of {W = 0} and the residuals; `depth_at_pole` is W at the pole.
+pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_at_pole: i32, region: &mut Region) {
+    region.boundary.clear();
+    region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
+    queue.crossings.reset(edges.vertices.len());
+    queue.landmarks.reset();
+    queue.from.resize(edges.edges.len(), [DVec3::ZERO; 2]);
+    let mut sweep = Sweep {
+        edges: &mut edges.edges,
+        vertices: &edges.vertices,
+        queue,
+        chart,
+        now: 0.0,
+        horizon: edges.horizon,
+        residuals: &mut region.residuals,
+        boundary: &mut region.boundary,
+        solid_angle: 0.0,
+    };
+    sweep.begin(&mut edges.at_seam, depth_at_pole);
+    let mut quarter = 1.0;
+    for rank in 0..edges.vertices.len() {
+        let vertex = edges.vertices[rank];
+        while quarter <= vertex.azimuth && quarter < TURN_END {
+            sweep.break_horizon(quarter);
+            quarter += 1.0;
+        }
+        sweep.cross_until(vertex.azimuth);
+        sweep.now = vertex.azimuth;
+        sweep.vertex(&vertex, Edges::starts(sweep.vertices, sweep.edges, rank));
+    }
+    while quarter < TURN_END {
+        sweep.break_horizon(quarter);
+        quarter += 1.0;
+    }
+    sweep.cross_until(TURN_END);
+    sweep.finish();
+    region.solid_angle = sweep.solid_angle;
+    region.residuals.closure = region.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
+}
+
+/// The state of one sweep: the order as a linked list through the active edges.
+pub(super) struct Sweep<'a> {
+    pub(super) edges: &'a mut [Edge],
+    pub(super) vertices: &'a [Vertex],
+    pub(super) queue: &'a mut Queue,
+    pub(super) chart: &'a Chart,
+    /// Azimuth of the event being handled.
+    pub(super) now: f64,
+    /// The horizon's edge, or NIL.
+    pub(super) horizon: u32,
+    pub(super) residuals: &'a mut Residuals,
+    pub(super) boundary: &'a mut Vec<BoundaryArc>,
+    pub(super) solid_angle: f64,
+}
+
+impl Sweep<'_> {
+    pub(super) fn edge(&self, id: u32) -> &Edge {
+        &self.edges[id as usize]
+    }
+
+    pub(super) fn edge_mut(&mut self, id: u32) -> &mut Edge {
+        &mut self.edges[id as usize]
+    }
+
+    pub(super) fn below(&self, id: u32) -> i32 {
+        let edge = self.edge(id);
+        edge.above + edge.jump
+    }
+
+    pub(super) fn link(&mut self, upper: u32, lower: u32) {
+        self.edge_mut(upper).next = lower;
+        if lower != NIL {
+            self.edge_mut(lower).prev = upper;
+        }
+    }
+
+    /// Puts the edges that cross the seam in order.
+    pub(super) fn begin(&mut self, at_seam: &mut [u32], depth_at_pole: i32) {
+        let latitude = |id: u32| on_seam(self.edges[id as usize].normal).z;
+        at_seam.sort_by(|&a, &b| latitude(b).total_cmp(&latitude(a)).then(a.cmp(&b)));
+        let top = self.edge_mut(TOP);
+        (top.above, top.next) = (depth_at_pole, NIL);
+        let mut upper = TOP;
+        for &id in &*at_seam {
+            self.link(upper, id);
+            self.edge_mut(id).next = NIL;
+            self.edge_mut(id).above = self.below(upper);
+            upper = id;
+        }
+        for &id in &*at_seam {
+            self.refresh(id, on_seam(self.edge(id).normal));
+            let upper = self.edge(id).prev;
+            self.expect_crossing(upper, id);
+        }
+    }
+
+    /// Whether two neighbours cross before either of them ends.
+    #[inline(always)]
+    pub(super) fn crosses(&self, upper: u32, lower: u32) -> bool {
+        if upper == TOP || lower == NIL {
+            return false;
+        }
+        let (u, l) = (self.edge(upper), self.edge(lower));
+        if l.end <= u.end {
+            if l.end == u.end {
+                // At the seam heights decide, so that no rounding can make both of two orders wrong.
+                return l.end == SEAM && on_seam(l.normal).z > on_seam(u.normal).z;
+            }
+            if upper == self.horizon { self.end_height(l) > 0.0 } else { u.normal.dot(self.end(l)) > 0.0 }
+        } else if lower == self.horizon {
+            self.end_height(u) <= 0.0
+        } else {
+            l.normal.dot(self.end(u)) < 0.0
+        }
+    }
+
+    /// Last point of an edge.
+    pub(super) fn end(&self, edge: &Edge) -> DVec3 {
+        self.vertices.get(edge.end as usize).map_or_else(|| on_seam(edge.normal), |vertex| vertex.position)
+    }
+
+    /// Height of an edge's end above the horizon.
+    pub(super) fn end_height(&self, edge: &Edge) -> f64 {
+        match self.vertices.get(edge.end as usize) {
+            Some(vertex) => vertex.height,
+            None => self.edge(self.horizon).normal.dot(on_seam(edge.normal)),
+        }
+    }
+
+    pub(super) fn end_azimuth(&self, edge: &Edge) -> f64 {
+        self.vertices.get(edge.end as usize).map_or(TURN_END, |vertex| vertex.azimuth)
+    }
+
+    /// Enters the crossing of two new neighbours, if they have one.
+    #[inline]
+    pub(super) fn expect_crossing(&mut self, upper: u32, lower: u32) {
+        if self.crosses(upper, lower) {
+            let crossing = Crossing::new(self.crossing_azimuth(upper, lower), upper, lower);
+            self.queue.crossings.push(crossing);
+        }
+    }
+
+    /// Azimuth of the crossing, within what is left of both edges.
+    pub(super) fn crossing_azimuth(&self, upper: u32, lower: u32) -> f64 {
+        let (u, l) = (self.edge(upper), self.edge(lower));
+        // Of the two intersections of the circles this is the one behind which u is below l. Where edges touch, rounding
+        // may have made a crossing of it, and then it may be the other one: take the one nearer to the range.
+        let crossing = u.normal.cross(l.normal);
+        let (now, end) = (self.now, self.end_azimuth(if u.end < l.end { u } else { l }));
+        let half_turn = 0.5 * TURN_END;
+        let middle = 0.5 * (now + end);
+        let mut ahead = azimuth(crossing.x, crossing.y) - middle;
+        if ahead.abs() > 0.5 * half_turn {
+            ahead -= half_turn.copysign(ahead);
+            if ahead.abs() > 0.5 * half_turn {
+                ahead -= half_turn.copysign(ahead);
+            }
+        }
+        (middle + ahead).min(end).max(now)
+    }
+
+    pub(super) fn cross_until(&mut self, azimuth: f64) {
+        while let Some(crossing) = self.queue.crossings.pop_until(azimuth) {
+            let (upper, lower) = (crossing.upper(), crossing.lower());
+            // An edge that has ended has no next.
+            if self.edge(upper).next == lower {
+                self.now = crossing.azimuth();
+                self.exchange(upper, lower, None);
+            }
+        }
+    }
+
+    /// Ends the horizon's boundary arc and begins another: an arc of half a turn or more has no closed form.
+    pub(super) fn break_horizon(&mut self, azimuth: f64) {
+        if self.horizon != NIL {
+            self.cross_until(azimuth);
+            let point = on_line(self.edge(self.horizon).normal, azimuth).normalize();
+            self.close_visible(self.horizon, point);
+            self.close_negative(self.horizon, point);
+            self.queue.from[self.horizon as usize] = [point; 2];
+        }
+    }
+
+    /// Exchanges two neighbours at a point, or where they cross.
+    pub(super) fn exchange(&mut self, upper: u32, lower: u32, point: Option<DVec3>) {
+        self.residuals.crossings += 1;
+        let (before, after) = (self.edge(upper).prev, self.edge(lower).next);
+        self.link(before, lower);
+        self.link(lower, upper);
+        self.link(upper, after);
+        let (top, between) = (self.edge(upper).above, self.edge(lower).above);
+        let bottom = self.below(lower);
+        let between_now = top + self.edge(lower).jump;
+        self.edge_mut(lower).above = top;
+        self.edge_mut(upper).above = between_now;
+        let was_and_is_hidden = top.min(bottom).min(between).min(between_now) > 0;
+        if !was_and_is_hidden && (self.is_stale(upper) || self.is_stale(lower)) {
+            let point = point.unwrap_or_else(|| self.crossing_point(upper, lower));
+            self.refresh(upper, point);
+            self.refresh(lower, point);
+        }
+        self.expect_crossing(before, lower);
+        self.expect_crossing(upper, after);
+    }
+
+    /// Ends all boundary arcs at the seam.
+    pub(super) fn finish(&mut self) {
+        let mut id = self.edge(TOP).next;
+        let mut last = TOP;
+        while id != NIL {
+            let to = on_seam(self.edge(id).normal);
+            self.close_visible(id, to);
+            self.close_negative(id, to);
+            last = id;
+            id = self.edge(id).next;
+        }
+        if self.horizon == NIL {
+            // The boundary's excess about the pole counts what lies above it; the other pole adds the whole sphere.
+            let turn = 4.0 * std::f64::consts::PI;
+            match self.below(last) {
+                0 => self.solid_angle += turn,
+                depth if depth < 0 => self.residuals.negative += turn,
+                _ => {}
+            }
+        }
+    }
+}
