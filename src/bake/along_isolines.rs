@@ -129,7 +129,11 @@ impl<'a> AlongIsolines<'a> {
             out.copy_from_slice(&integrand::bent_normal(visibility).to_array());
         }
         if let Some(Light::Even(radiance)) = &self.light {
-            self.from_light(radiance.map(|radiance| integrand::visible_moment(visibility) * radiance), normal, row);
+            self.from_light(
+                integrand::even_vector_irradiance(integrand::visible_moment(visibility), *radiance),
+                normal,
+                row,
+            );
         }
         let Some(normal) = normal else { return };
         if let Some(out) = self.layout.slice("ambient_occlusion", row) {

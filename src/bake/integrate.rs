@@ -167,7 +167,9 @@ impl Rows {
             let data = match partial.arrays.get(name) {
                 Some(array) if array.shape[1..] == shape[..] => &array.data,
                 _ => {
-                    return Err(Error::input(format!("the finished part has no array {name} as asked for; begin anew")));
+                    return Err(Error::input(format!(
+                        "the finished part has no array {name} as asked for; begin anew"
+                    )));
                 }
             };
             for (row, part) in rows.values.chunks_exact_mut(width).zip(data.chunks_exact(size)) {

@@ -2,12 +2,18 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use crate::Error;
-use crate::bake::writers::{Layout, check_target};
-use crate::bake::{Request, integrate};
+use std::path::Path;
+
+use crate::bake::writers::{Layout, check_target, write};
+use crate::bake::{Arrays, Baked, BakedVertices, Request, integrate};
+use crate::integrand::{environment_harmonics, relit};
+use crate::report;
+use crate::scene::{Scene, Sky};
+use crate::sphere::Order;
+use crate::{Error, Result};
 
 use super::Failure;
-use super::options::{HarmonicsOptions, MethodOptions, RunOptions, provenance};
+use super::options::{HarmonicsOptions, MethodOptions, RunOptions, framing, provenance, scene, vertices};
 use super::terminal::Terminal;
 
 /// Bakes visibility at the vertices of a scene
@@ -64,7 +70,7 @@ Examples:
 
 impl Bake {
     /// Bakes and writes the file, and the preview.
-    pub fn run(&self) -> Result<(), Failure> {
+    pub fn run(&self) -> std::result::Result<(), Failure> {
         let method = self.method.method()?;
         check_target(&self.output, Layout::Vertices)?;
         let preview = match (&self.preview, &self.scene) {
@@ -84,14 +90,50 @@ impl Bake {
             irradiance: false,
             vector_irradiance: false,
         };
-        let scene = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
-        let provenance = provenance(method).with("order", request.order).with("scene", scene);
+        let name = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
+        let provenance = provenance(method).with("order", request.order).with("scene", name);
+        let scene = scene(self.scene.as_deref())?;
+        let receivers = vertices(&scene.geometry);
 
         let resumed = self.run.resumed(&self.output, &provenance)?;
         let terminal = Terminal::new(self.run.quiet);
-        let outcome = integrate(&request, method, self.run.threads(), resumed, &terminal);
+        let pool = self.run.pool()?;
+        let outcome =
+            pool.install(|| integrate(&scene.geometry, None, &receivers, &request, method, resumed, &terminal));
         terminal.finish();
-        self.run.conclude(outcome?, &self.output, &provenance)?;
-        Err(Error::input("not wired yet").into())
+        let mut arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+
+        if let Some(preview) = &preview {
+            pool.install(|| draw(&scene, &arrays, self.harmonics.order, preview))?;
+        }
+        if !wanted(Quantity::Transfer) {
+            arrays.remove("transfer_sh");
+        }
+        let baked = Baked::Vertices(BakedVertices {
+            positions: receivers.positions,
+            normals: receivers.normals,
+            triangles: scene.geometry.triangles,
+            arrays,
+            provenance,
+        });
+        write(&self.output, &baked.in_phase(self.harmonics.phase())?)?;
+        Ok(())
     }
+}
+
+/// Draws the scene from its camera, relit by its environment, or a built-in sky, through the transfer vectors.
+fn draw(scene: &Scene, arrays: &Arrays, order: usize, path: &Path) -> Result<()> {
+    let order = Order::new(order)?;
+    let environment = match &scene.environment {
+        Some(environment) => environment.clone(),
+        None => Sky::default().environment()?,
+    };
+    let camera = match &scene.camera {
+        Some(camera) => camera.clone(),
+        None => framing(&scene.geometry)?,
+    };
+    let transfer = arrays.get("transfer_sh").ok_or_else(|| Error::input("a preview needs transfer vectors"))?;
+    let light = environment_harmonics(&environment, order);
+    let radiance: Vec<[f64; 3]> = transfer.data.chunks_exact(order.len()).map(|row| relit(row, &light)).collect();
+    report::preview(&scene.geometry, &radiance, &environment, &camera).write(path)
 }

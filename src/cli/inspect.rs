@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::Result;
 use crate::report::{EnvironmentInspection, Inspection, draw_environment, draw_geometry};
-use crate::scene::{Environment, Scene};
+use crate::scene::Environment;
+
+use super::options::scene;
+use super::{Failure, print};
 
 /// Print and draw what is found in a mesh, a scene or an environment.
 #[derive(Debug, clap::Args)]
@@ -19,26 +21,23 @@ pub struct Args {
 }
 
 /// Runs the subcommand.
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &Args) -> Result<(), Failure> {
     let extension = args.file.extension().map(|extension| extension.to_ascii_lowercase());
     if extension.is_some_and(|extension| extension == "exr" || extension == "hdr") {
         let environment = Environment::load(&args.file)?;
-        println!("{}", EnvironmentInspection::new(&environment));
+        print(format_args!("{}\n", EnvironmentInspection::new(&environment)))?;
         return match &args.output {
-            Some(path) => draw_environment(&environment)?.write(path),
+            Some(path) => Ok(draw_environment(&environment)?.write(path)?),
             None => Ok(()),
         };
     }
-    let scene = match args.file.to_str() {
-        Some(name) if args.file.extension().is_none() && !args.file.exists() => Scene::builtin(name)?,
-        _ => Scene::load(&args.file)?,
-    };
-    println!("{}", Inspection::new(&scene.geometry));
+    let scene = scene(Some(&args.file))?;
+    print(format_args!("{}\n", Inspection::new(&scene.geometry)))?;
     if let Some(environment) = &scene.environment {
-        println!("{}", EnvironmentInspection::new(environment));
+        print(format_args!("{}\n", EnvironmentInspection::new(environment)))?;
     }
     match &args.output {
-        Some(path) => draw_geometry(&scene.geometry)?.write(path),
+        Some(path) => Ok(draw_geometry(&scene.geometry)?.write(path)?),
         None => Ok(()),
     }
 }

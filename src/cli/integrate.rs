@@ -4,10 +4,11 @@ use clap::Args;
 
 use crate::Error;
 use crate::bake::writers::{Format, Layout, check_target, npz};
-use crate::bake::{Provenance, Request, flip_phase, integrate};
+use crate::bake::{Provenance, Receivers, Request, flip_phase, integrate};
+use crate::scene::{Scene, load_points};
 
 use super::Failure;
-use super::options::{HarmonicsOptions, LightOptions, MethodOptions, RunOptions, provenance};
+use super::options::{HarmonicsOptions, LightOptions, MethodOptions, RunOptions, provenance, vertices};
 use super::terminal::Terminal;
 
 /// Integrates visibility and light at any points
@@ -71,9 +72,17 @@ impl Integrate {
         let provenance = provenance(method).with("order", request.order).with("meshes", meshes).with("points", points);
         let provenance = self.light.record(provenance);
 
+        let scene = Scene::from_meshes(&self.meshes)?;
+        let environment = self.light.load()?;
+        let receivers = match &self.points {
+            Some(points) => Receivers::points(load_points(points)?.into_iter().map(|p| (p.position, p.normal))),
+            None => vertices(&scene.geometry),
+        };
         let resumed = self.run.resumed(&self.output, &provenance)?;
         let terminal = Terminal::new(self.run.quiet);
-        let outcome = integrate(&request, method, self.run.threads(), resumed, &terminal);
+        let outcome = self.run.pool()?.install(|| {
+            integrate(&scene.geometry, environment.as_ref(), &receivers, &request, method, resumed, &terminal)
+        });
         terminal.finish();
         let arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
         let phase = self.harmonics.phase();

@@ -8,9 +8,12 @@ use std::thread;
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
+use glam::DVec3;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::bake::writers::atomically;
-use crate::bake::{Arrays, Method, Outcome, Partial, Phase, Provenance};
+use crate::bake::{Arrays, Method, Outcome, Partial, Phase, Provenance, Receivers};
+use crate::scene::{Camera, Environment, Geometry, Scene, UpAxis};
 use crate::{Error, Result};
 
 use super::{Failure, say};
@@ -112,7 +115,7 @@ pub struct LightOptions {
     #[arg(long, value_name = "FILE")]
     pub environment: Option<PathBuf>,
     /// Axis of the scene that points to the top of the environment
-    #[arg(long, value_enum, value_name = "AXIS", requires = "environment", allow_hyphen_values = true)]
+    #[arg(long, value_enum, value_name = "AXIS", requires = "environment")]
     pub up: Option<Up>,
     /// Degrees by which the environment is turned about the up axis, counter-clockwise seen from above
     #[arg(long, value_name = "DEG", requires = "environment", value_parser = finite, allow_negative_numbers = true)]
@@ -129,15 +132,6 @@ pub enum Up {
     Y,
     /// +z
     Z,
-    /// -x
-    #[value(name = "-x")]
-    MinusX,
-    /// -y
-    #[value(name = "-y")]
-    MinusY,
-    /// -z
-    #[value(name = "-z")]
-    MinusZ,
 }
 
 impl fmt::Display for Up {
@@ -146,14 +140,22 @@ impl fmt::Display for Up {
             Self::X => "x",
             Self::Y => "y",
             Self::Z => "z",
-            Self::MinusX => "-x",
-            Self::MinusY => "-y",
-            Self::MinusZ => "-z",
         })
     }
 }
 
 impl LightOptions {
+    /// The environment, if one is named.
+    pub fn load(&self) -> Result<Option<Environment>> {
+        let Some(file) = &self.environment else { return Ok(None) };
+        let up = match self.up.unwrap_or_default() {
+            Up::X => UpAxis::X,
+            Up::Y => UpAxis::Y,
+            Up::Z => UpAxis::Z,
+        };
+        Environment::load(file)?.oriented(up, self.rotation.unwrap_or_default()).map(Some)
+    }
+
     /// Adds what the light depends on to `provenance`.
     pub fn record(&self, provenance: Provenance) -> Provenance {
         match &self.environment {
@@ -179,6 +181,41 @@ pub fn magnitude(text: &str) -> std::result::Result<f64, String> {
     finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "not a finite number of at least 0".into())
 }
 
+/// The scene that a command works on: a scene file, a mesh, the name of a built-in scene, or the default one.
+pub fn scene(named: Option<&Path>) -> Result<Scene> {
+    match named {
+        None => Scene::builtin("default"),
+        Some(path) => match path.to_str() {
+            Some(name) if path.extension().is_none() && !path.exists() => Scene::builtin(name),
+            _ => Scene::load(path),
+        },
+    }
+}
+
+/// The vertices of the geometry as receivers.
+pub fn vertices(geometry: &Geometry) -> Receivers {
+    let (receivers, undirected) = Receivers::vertices(geometry);
+    if let Some(first) = undirected.first() {
+        let count = undirected.len();
+        say(format_args!(
+            "note: at {count} vertices (the first is {first}) the normals of the faces cancel; +z is used"
+        ));
+    }
+    receivers
+}
+
+/// A camera that sees all of the geometry, obliquely from above, for scenes without one of their own.
+pub fn framing(geometry: &Geometry) -> Result<Camera> {
+    let [low, high] = geometry.bounds().ok_or_else(|| Error::input("there is nothing to look at: no triangles"))?;
+    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let (centre, radius) = (low.midpoint(high), 0.5 * low.distance(high));
+    /// Degrees; the ball around the scene fills the image's height.
+    const FOV: f64 = 40.0;
+    let distance = radius / (0.5 * FOV).to_radians().sin();
+    let towards = DVec3::new(0.5, 0.6, 1.0).normalize();
+    Camera::new(centre + towards * distance, centre, DVec3::Y, FOV, [640, 480])
+}
+
 /// How the computation runs.
 #[derive(Args)]
 #[command(next_help_heading = "Run")]
@@ -198,9 +235,11 @@ pub struct RunOptions {
 }
 
 impl RunOptions {
-    /// Number of threads to use.
-    pub fn threads(&self) -> usize {
-        self.threads.or_else(|| thread::available_parallelism().ok().map(NonZero::get)).unwrap_or(1)
+    /// The threads to work on.
+    pub fn pool(&self) -> Result<ThreadPool> {
+        let threads = self.threads.or_else(|| thread::available_parallelism().ok().map(NonZero::get)).unwrap_or(1);
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.map_err(|error| Error::input(format!("{threads} threads cannot be started ({error}); ask for fewer")))
     }
 
     /// What an interrupted run of the same command has kept, if it is wanted.

@@ -2,12 +2,15 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use crate::Error;
-use crate::bake::writers::{Layout, check_target};
-use crate::bake::{Request, integrate};
+use std::f64::consts::FRAC_1_PI;
+
+use crate::bake::writers::{Layout, check_target, write};
+use crate::bake::{Array, Baked, BakedImage, Pixels, Request, integrate};
+use crate::reference::RayScene;
+use crate::scene::Geometry;
 
 use super::Failure;
-use super::options::{LightOptions, MethodOptions, RunOptions, provenance};
+use super::options::{LightOptions, MethodOptions, RunOptions, framing, provenance, scene};
 use super::terminal::Terminal;
 
 /// Renders occlusion or direct light, pixel by pixel
@@ -55,14 +58,21 @@ impl Render {
     pub fn run(&self) -> Result<(), Failure> {
         let method = self.method.method()?;
         check_target(&self.output, Layout::Image)?;
+        let scene = scene(self.scene.as_deref())?;
+        let named = self.light.load()?;
+        let environment = named.as_ref().or(scene.environment.as_ref());
         let light = match self.show {
             Some(Show::Light) => true,
             Some(Show::Occlusion) if self.light.environment.is_some() => {
                 return Err(Failure::Usage("--environment means nothing to --show occlusion".into()));
             }
             Some(Show::Occlusion) => false,
-            None => self.light.environment.is_some(),
+            None => environment.is_some(),
         };
+        if light && environment.is_none() {
+            let message = "--show light needs an environment: name one by --environment or in the scene file";
+            return Err(Failure::Usage(message.into()));
+        }
         let request = Request {
             order: 1,
             ambient_occlusion: !light,
@@ -72,17 +82,55 @@ impl Render {
             irradiance: light,
             vector_irradiance: false,
         };
-        let scene = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
-        let size = |pixels: Option<u32>| pixels.map_or("camera".into(), |pixels| pixels.to_string());
-        let provenance =
-            provenance(method).with("scene", scene).with("width", size(self.width)).with("height", size(self.height));
+        let camera = match &scene.camera {
+            Some(camera) => camera.clone(),
+            None => framing(&scene.geometry)?,
+        };
+        let [width, height] = camera.resolution();
+        // One side alone keeps the picture's shape.
+        let scaled = |side: u32, by: u32, from: u32| (f64::from(side) * f64::from(by) / f64::from(from)).round() as u32;
+        let resolution = match (self.width, self.height) {
+            (None, None) => [width, height],
+            (Some(w), None) => [w, scaled(height, w, width).max(1)],
+            (None, Some(h)) => [scaled(width, h, height).max(1), h],
+            (Some(w), Some(h)) => [w, h],
+        };
+        let camera = camera.with_resolution(resolution)?;
+        let name = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
+        let provenance = provenance(method)
+            .with("scene", name)
+            .with("show", if light { "light" } else { "occlusion" })
+            .with("width", resolution[0])
+            .with("height", resolution[1]);
+        let pool = self.run.pool()?;
+        let pixels = pool.install(|| Pixels::new(&scene.geometry, &RayScene::new(&scene.geometry), &camera));
         let provenance = self.light.record(provenance);
 
         let resumed = self.run.resumed(&self.output, &provenance)?;
         let terminal = Terminal::new(self.run.quiet);
-        let outcome = integrate(&request, method, self.run.threads(), resumed, &terminal);
+        let outcome = pool.install(|| {
+            integrate(&scene.geometry, environment, &pixels.receivers, &request, method, resumed, &terminal)
+        });
         terminal.finish();
-        self.run.conclude(outcome?, &self.output, &provenance)?;
-        Err(Error::input("not wired yet").into())
+        let mut arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+        if let Some(irradiance) = arrays.get("irradiance") {
+            let radiance = reflected(&scene.geometry, &pixels.faces, irradiance);
+            arrays.push(radiance)?;
+        }
+        let [width, height] = camera.resolution().map(|side| side as usize);
+        let image = BakedImage::from_rows(width, height, &pixels.indices, arrays, provenance)?;
+        write(&self.output, &Baked::Image(image))?;
+        Ok(())
     }
+}
+
+/// Radiance that diffuse faces reflect: albedo / pi times irradiance.
+fn reflected(geometry: &Geometry, faces: &[u32], irradiance: &Array) -> Array {
+    let rows = irradiance.data.chunks_exact(3).zip(faces);
+    let radiance = rows.flat_map(|(irradiance, &face)| {
+        let material = &geometry.materials[geometry.triangle_material[face as usize] as usize];
+        let albedo = material.albedo.as_dvec3().to_array();
+        [0, 1, 2].map(|colour| albedo[colour] * FRAC_1_PI * irradiance[colour])
+    });
+    Array::new("radiance", irradiance.shape.clone(), radiance.collect())
 }

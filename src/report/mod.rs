@@ -6,8 +6,10 @@ mod orthographic;
 mod panel;
 mod picture;
 mod plot;
+mod preview;
 
 pub use compare::{Comparison, Difference, Results};
 pub use inspection::{EnvironmentInspection, Inspection, draw_environment, draw_geometry};
 pub use picture::{Decades, Picture};
 pub use plot::{Curve, Plot};
+pub use preview::preview;
