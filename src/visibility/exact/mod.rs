@@ -1,8 +1,9 @@
 //! The visible region without discretisation: the boundary of {W = 0} as arcs of great circles, for closed-form integrals.
 //!
-//! One receiver's life: contours -> [`edges`](self) in a chart, azimuth about a pole near the normal -> one sweep through a
-//! full turn that keeps the edges ordered from the pole downwards and W with them -> the arcs where W turns zero, and the
-//! horizon's where nothing hides it -> [`Region`].
+//! One receiver's life: contours -> vertices and edges in a chart, azimuth about a pole near the normal (`chart`, `edges`)
+//! -> one sweep through a full turn that keeps the active edges in order from the pole downwards and carries W along with
+//! them (`sweep`, `vertex`, `landmarks`, `crossings`) -> the arcs where W turns zero, and the horizon's where nothing hides
+//! it (`boundary`) -> [`Region`].
 
 mod boundary;
 mod chart;
