@@ -57,6 +57,7 @@ mod error;
 mod face;
 mod node;
 mod numbering;
+mod prefetch;
 mod query;
 mod statistics;
 mod tile;

@@ -7,7 +7,14 @@ use crate::candidates::{CandidateEdge, Candidates};
 use crate::edge::Incidence;
 use crate::face::{face_normal, plane_value};
 use crate::node::{FAN, Lanes, Leaf, Node, SLACK, STEPS, Tree, WIDTH, up};
+use crate::prefetch::{ahead, prefetch};
 use crate::{DualBvh, Tile};
+
+/// How many edges, leaves or faces ahead memory is asked for.
+const AHEAD: usize = 16;
+
+/// How many nodes ahead.
+const NODES_AHEAD: usize = 3;
 
 /// Working memory of a search.
 #[derive(Clone, Debug, Default)]
@@ -250,7 +257,7 @@ impl DualBvh {
         let mut edges = 0;
         let mut found = hits.len();
         room(hits, found + WIDTH * leaves.len());
-        for hit in &*leaves {
+        for hit in ahead(leaves, AHEAD, |hit| prefetch(&self.balanced.leaves[hit.leaf as usize])) {
             let live = (self.balanced.edges - WIDTH * hit.leaf as usize).min(WIDTH);
             edges += live as u64;
             let mut kept = hit.test(&self.balanced.leaves[hit.leaf as usize]) & ((1 << live) - 1);
@@ -298,7 +305,7 @@ impl DualBvh {
         regular.clear();
         border.clear();
         other.clear();
-        for &edge in &*hits {
+        for &edge in ahead(hits, AHEAD, |&edge| prefetch(&self.edges.records[edge as usize])) {
             let record = self.edges.records[edge as usize];
             if let Some(faces) = record.regular() {
                 regular.push((record.vertices(), faces));
@@ -317,8 +324,13 @@ impl DualBvh {
         let (pairs, rest) = out.edges.split_at_mut(out.regular);
         let (lone, rest) = rest.split_at_mut(out.border);
         let mut first = 0;
-        for (edge, &([a, b], _)) in pairs.iter_mut().zip(&*regular) {
-            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 2 };
+        for i in 0..regular.len() {
+            if let Some(&([a, b], _)) = regular.get(i + AHEAD) {
+                out.vertices.prefetch(a);
+                out.vertices.prefetch(b);
+            }
+            let ([a, b], _) = regular[i];
+            pairs[i] = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 2 };
             first += 2;
         }
         for (edge, &([a, b], _)) in lone.iter_mut().zip(&*border) {
@@ -337,9 +349,14 @@ impl DualBvh {
         out.faces.reserve(out.incidence_count + 1);
         let (pairs, rest) = out.incidences.split_at_mut(2 * out.regular);
         let (lone, rest) = rest.split_at_mut(out.border);
-        for (uses, &(_, [f, g])) in pairs.chunks_exact_mut(2).zip(&*regular) {
-            uses[0] = Incidence::new(out.faces.insert(f), false);
-            uses[1] = Incidence::new(out.faces.insert(g), true);
+        for i in 0..regular.len() {
+            if let Some(&(_, [f, g])) = regular.get(i + AHEAD) {
+                out.faces.prefetch(f);
+                out.faces.prefetch(g);
+            }
+            let (_, [f, g]) = regular[i];
+            pairs[2 * i] = Incidence::new(out.faces.insert(f), false);
+            pairs[2 * i + 1] = Incidence::new(out.faces.insert(g), true);
         }
         let number =
             |(local, use_): (&mut Incidence, Incidence)| *local = use_.with_face(out.faces.insert(use_.face()));
@@ -348,6 +365,7 @@ impl DualBvh {
 
         let vertices = out.vertices.globals();
         room(&mut out.positions, vertices.len());
+        let vertices = ahead(vertices, AHEAD, |&vertex| prefetch(&self.positions[vertex as usize]));
         for (position, &vertex) in out.positions.iter_mut().zip(vertices) {
             *position = self.positions[vertex as usize].as_dvec3();
         }
@@ -357,11 +375,15 @@ impl DualBvh {
     #[inline(always)]
     fn collect_planes(&self, out: &mut Candidates) {
         let faces = out.faces.globals();
+        let triangles = ahead(faces, 2 * AHEAD, |&face| prefetch(&self.triangles[face as usize]));
+        let corners = ahead(faces, AHEAD, |&face| {
+            self.triangles[face as usize].iter().for_each(|&corner| prefetch(&self.positions[corner as usize]));
+        });
         out.normals.iter_mut().for_each(|lanes| room(lanes, faces.len()));
         out.anchors.iter_mut().for_each(|lanes| room(lanes, faces.len()));
         let [nx, ny, nz] = &mut out.normals;
         let [ax, ay, az] = &mut out.anchors;
-        for (i, &face) in faces.iter().enumerate() {
+        for (i, (&face, _)) in triangles.zip(corners).enumerate() {
             let [a, b, c] = self.triangles[face as usize];
             let a = self.positions[a as usize];
             let n = face_normal(a, self.positions[b as usize], self.positions[c as usize]);
@@ -405,7 +427,7 @@ fn descend<const DUAL: bool>(
             _ => tree.levels[height - 1].len(),
         };
         children.clear();
-        for &index in &*nodes {
+        for &index in ahead(nodes, NODES_AHEAD, |&index| prefetch(&level[index as usize])) {
             let node = &level[index as usize];
             let test = NodeTest::new::<DUAL>(node, query);
             let live = (count - WIDTH * index as usize).min(WIDTH);
