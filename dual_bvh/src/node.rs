@@ -147,19 +147,17 @@ impl Bounds {
         let (normal, normal_half) = centered(low, high);
         let normal_half = normal_half.map(|x| up(x * (1.0 + SLACK)));
 
+        let origin = DVec3::from_array(center.map(f64::from));
         let (mut low, mut high, mut reach) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
         for part in parts {
-            let arm = [0, 1, 2].map(|axis| f64::from(center[axis]) - f64::from(part.center[axis]));
-            let mut offset = f64::from(part.offset);
-            let mut spread = f64::from(part.offset_half);
-            for axis in 0..3 {
-                offset += f64::from(part.normal[axis]) * arm[axis];
-                spread += f64::from(part.normal_half[axis]) * arm[axis].abs();
-                reach = reach.max(arm[axis].abs());
-            }
+            let of = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+            let arm = origin - of(part.center);
+            let offset = f64::from(part.offset) + of(part.normal).dot(arm);
+            let spread = f64::from(part.offset_half) + of(part.normal_half).dot(arm.abs());
+            reach = reach.max(arm.abs().element_sum());
             (low, high) = (low.min(offset - spread), high.max(offset + spread));
         }
-        let (offset, offset_half) = centered_offset(low, high, 3.0 * reach);
+        let (offset, offset_half) = centered_offset(low, high, reach);
         Self { center, half, normal, normal_half, offset, offset_half }
     }
 }
