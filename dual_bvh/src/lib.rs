@@ -50,6 +50,7 @@ mod brute;
 mod build;
 mod candidates;
 mod check;
+mod collect;
 mod contours;
 mod dual;
 mod edge;
@@ -59,6 +60,7 @@ mod node;
 mod numbering;
 mod prefetch;
 mod query;
+mod search;
 mod statistics;
 mod tile;
 

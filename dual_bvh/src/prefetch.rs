@@ -1,3 +1,6 @@
+/// How many edges, leaves or faces ahead memory is asked for.
+pub(crate) const AHEAD: usize = 16;
+
 /// Asks the processor to bring a value into its caches, where it can be asked.
 #[inline(always)]
 pub(crate) fn prefetch<T>(value: &T) {
