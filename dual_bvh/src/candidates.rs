@@ -129,7 +129,7 @@ impl Candidates {
     }
 
     #[inline(always)]
-    fn contours_inline(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+    pub(crate) fn contours_inline(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         out.room(self.faces().len(), self.edges().len());
         let signs = &mut out.signs[..self.faces().len()];
         self.signs(receiver, signs);

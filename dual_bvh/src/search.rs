@@ -202,3 +202,47 @@ fn descend<const DUAL: bool>(
     }
     tested
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec3;
+
+    use super::*;
+    use crate::{BuildOptions, Contours};
+
+    #[test]
+    fn the_portable_search_finds_the_same_bits() {
+        // A wavy sheet, wound at random in one corner.
+        let side = 30;
+        let positions: Arc<[Vec3]> = (0..side * side)
+            .map(|i| ((i % side) as f32, (i / side) as f32))
+            .map(|(x, y)| Vec3::new(x, y, 2.0 * (0.7 * x).sin() * (0.4 * y).cos()))
+            .collect();
+        let cells = (0..(side - 1) * (side - 1)).map(|i| i % (side - 1) + i / (side - 1) * side);
+        let triangles: Arc<[[u32; 3]]> =
+            cells.flat_map(|i| [[i, i + 1, i + side], [i + 1, i + side + 1, i + side]]).collect();
+        let triangles = triangles.iter().map(|&[a, b, c]| if a % 7 < 2 { [b, a, c] } else { [a, b, c] }).collect();
+        let tree = DualBvh::build(positions, triangles, &BuildOptions::default()).unwrap();
+        let (mut candidates, mut portable) = (Candidates::default(), Candidates::default());
+        let (mut contours, mut portable_contours) = (Contours::default(), Contours::default());
+        for i in 0..40 {
+            let p = DVec3::new(0.7 * f64::from(i), 11.3, 0.1 * f64::from(i % 5));
+            let normal = (i % 2 == 0).then_some(DVec3::Z);
+            let tile = Tile::new([(p, normal), (p + 0.01 * f64::from(i), normal)].into_iter());
+            tree.search(&tile, &mut candidates);
+            tree.search_inline(&tile, &mut portable);
+            assert!(!candidates.edges().is_empty());
+            assert_eq!(candidates.edges(), portable.edges());
+            assert_eq!(candidates.incidences(), portable.incidences());
+            assert_eq!(candidates.vertices(), portable.vertices());
+            assert_eq!(candidates.faces(), portable.faces());
+            assert_eq!(candidates.nodes_tested(), portable.nodes_tested());
+            candidates.contours(p, &[3, 4], &mut contours);
+            portable.contours_inline(p, &[3, 4], &mut portable_contours);
+            assert_eq!(contours.signs(), portable_contours.signs());
+            assert_eq!(contours.edges(), portable_contours.edges());
+        }
+    }
+}
