@@ -51,7 +51,11 @@ pub fn contours(triangles: &[Triangle], receiver: DVec3, normal: Option<DVec3>) 
         }
     }
     let arcs = jumps.into_iter().filter(|&(_, jump)| jump != 0);
-    result.arcs = arcs.map(|((a, b), jump)| Arc { a, b, jump }).collect();
+    let plane = |a: u32, b: u32| {
+        let [a, b] = [a, b].map(|vertex| result.directions[vertex as usize]);
+        a.cross(b - a)
+    };
+    result.arcs = arcs.map(|((a, b), jump)| Arc { a, b, jump, plane: plane(a, b) }).collect();
     result
 }
 
