@@ -103,13 +103,13 @@ impl<'a> AlongIsolines<'a> {
                 Sight::Enclosed => {}
                 Sight::Part(_) => moments.finish(table, axis, visibility),
             }
-            self.from_visibility(visibility, receiver.normal, row);
+            self.fill_from_visibility(visibility, receiver.normal, row);
         }
         if let Some((table, mut moments)) = light {
             if sight == Sight::Open {
                 viewer.see_all(receiver.normal, |interval| moments.add(table, axis, interval));
             }
-            self.from_light(moments.vectors(), receiver.normal, row);
+            self.fill_from_light(moments.vectors(), receiver.normal, row);
         }
         Counts {
             contours: view.contours().arcs.len() as u64,
@@ -121,7 +121,7 @@ impl<'a> AlongIsolines<'a> {
     }
 
     /// Fills in what follows from the harmonics of the visibility, clamped to the hemisphere.
-    fn from_visibility(&self, visibility: &[f64], normal: Option<DVec3>, row: &mut [f64]) {
+    fn fill_from_visibility(&self, visibility: &[f64], normal: Option<DVec3>, row: &mut [f64]) {
         if let Some(out) = self.layout.slice("visibility_sh", row) {
             out.copy_from_slice(&visibility[..out.len()]);
         }
@@ -129,7 +129,7 @@ impl<'a> AlongIsolines<'a> {
             out.copy_from_slice(&integrand::bent_normal(visibility).to_array());
         }
         if let Some(Light::Even(radiance)) = &self.light {
-            self.from_light(
+            self.fill_from_light(
                 integrand::even_vector_irradiance(integrand::visible_moment(visibility), *radiance),
                 normal,
                 row,
@@ -145,7 +145,7 @@ impl<'a> AlongIsolines<'a> {
     }
 
     /// Fills in what follows from the vector irradiance of each colour.
-    fn from_light(&self, vectors: [DVec3; 3], normal: Option<DVec3>, row: &mut [f64]) {
+    fn fill_from_light(&self, vectors: [DVec3; 3], normal: Option<DVec3>, row: &mut [f64]) {
         if let Some(out) = self.layout.slice("vector_irradiance", row) {
             out.copy_from_slice(vectors.map(|vector| vector.to_array()).as_flattened());
         }

@@ -21,6 +21,21 @@ pub struct Request {
     pub vector_irradiance: bool,
 }
 
+impl Default for Request {
+    /// Nothing yet, in four bands.
+    fn default() -> Self {
+        Self {
+            order: 4,
+            ambient_occlusion: false,
+            visibility_sh: false,
+            transfer_sh: false,
+            bent_normal: false,
+            irradiance: false,
+            vector_irradiance: false,
+        }
+    }
+}
+
 /// How visibility is integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
