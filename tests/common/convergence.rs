@@ -1,7 +1,7 @@
 //! How fast errors fall.
 
 /// Numbers of isolines at which errors are measured.
-pub const LINES: [u32; 7] = [16, 32, 64, 128, 256, 512, 1024];
+pub const LINES: [u32; 4] = [16, 64, 256, 1024];
 
 /// Least-squares slope p of log error = log c - p log N over [`LINES`].
 pub fn slope(errors: &[f64]) -> f64 {

@@ -37,7 +37,10 @@ impl Blocker {
     /// Edges between two of the faces cancel. A convex outline meets the horizon at two points at most: between them
     /// the horizon closes it.
     fn outline(&self, p: DVec3, n: DVec3) -> Vec<BoundaryArc> {
-        let edges = || self.faces(p).flat_map(|(ids, w)| [0, 1, 2].map(|k| (k, (k + 1) % 3)).map(|(i, j)| ([ids[i], ids[j]], [w[i], w[j]])));
+        let edges = || {
+            self.faces(p)
+                .flat_map(|(ids, w)| [0, 1, 2].map(|k| (k, (k + 1) % 3)).map(|(i, j)| ([ids[i], ids[j]], [w[i], w[j]])))
+        };
         let all: BTreeSet<[u32; 2]> = edges().map(|(ids, _)| ids).collect();
         let (mut arcs, mut leaves, mut enters) = (Vec::new(), None, None);
         for (_, [a, b]) in edges().filter(|([i, j], _)| !all.contains(&[*j, *i])) {
