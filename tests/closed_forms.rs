@@ -326,27 +326,33 @@ fn rectangles_by_howell() {
 
 #[test]
 fn walls_become_infinite() {
-    // (1 - 1/sqrt(1 + k^2))/2, k = height over distance; the ends of a wall of length 2e5 are missed by (1e-5)^2 or so.
     let mut random = Random(9);
     let mut errors = [const { Vec::new() }; LINES.len()];
     for k in [0.01f64, 0.1, 0.5, 1.0, 3.0, 10.0, 1e4] {
-        let exact = 0.5 * (1.0 - (1.0 + k * k).sqrt().recip());
-        assert!((exact - closed_forms::wall_form_factor(k, 1.0)).abs() < 1e-15);
-        for _ in 0..60 {
+        // (1 - 1/sqrt(1 + k^2))/2, k = height over distance: missed by the ends of a wall of length 600, and by the last
+        // bit of its corners in single precision, 1.5e-5 of the distance.
+        let limit = 0.5 * (1.0 - (1.0 + k * k).sqrt().recip());
+        assert!((limit - closed_forms::wall_form_factor(k, 1.0)).abs() < 1e-15);
+        for _ in 0..30 {
             let rotation = random.rotation();
-            let wall = [(-1e5, 0.0), (1e5, 0.0), (1e5, k), (-1e5, k)].map(|(x, y)| DVec3::new(x, y, 1.0));
-            let geometry = assembled([polygon(wall)], rotation);
-            let receivers = Receivers::points([(DVec3::ZERO, rotation * DVec3::Y)]);
+            let wall = [(-300.0, 0.0), (300.0, 0.0), (300.0, k), (-300.0, k)].map(|(x, y)| DVec3::new(x, y, 1.0));
+            let blocker = Blocker { geometry: assembled([polygon(wall)], rotation), is_closed: false };
+            let n = rotation * DVec3::Y;
+            let exact = blocker.form_factor(DVec3::ZERO, n);
+            assert!(k > 10.0 || (exact - limit).abs() < 3e-5, "{k}: {exact} instead of {limit}");
             for (errors, lines) in errors.iter_mut().zip(LINES) {
-                let arrays = run(&geometry, None, &receivers, 1, Method::Isolines { lines }).arrays;
+                let receivers = Receivers::points([(DVec3::ZERO, n)]);
+                let arrays = run(&blocker.geometry, None, &receivers, 1, Method::Isolines { lines }).arrays;
                 errors.push(1.0 - values(&arrays, "ambient_occlusion")[0] - exact);
             }
         }
     }
     for (errors, lines) in errors.iter().zip(LINES) {
-        println!("walls {lines} {:e} {:e}", rms(errors.iter().copied()), largest(errors.iter().copied()));
+        let [rms, worst] = [rms(errors.iter().copied()), largest(errors.iter().copied())];
+        assert!(rms < RMS_CONSTANT * f64::from(lines).powf(-1.5) && worst < worst_allowed(lines), "{rms:e} {worst:e}");
     }
-    println!("walls slope {}", slope(&errors.map(rms)));
+    let slope = slope(&errors.map(rms));
+    assert!(slope >= 1.4, "falls as N^-{slope:.2}");
 }
 
 #[test]
@@ -361,11 +367,7 @@ fn open_planes_are_exact() {
         let (on_it, undirected) = Receivers::vertices(&plane);
         assert!(undirected.is_empty());
         let above = Receivers::points(on_it.positions.iter().zip(&on_it.normals).map(|(p, n)| (p + n * 0.25, *n)));
-        let in_it = Receivers::points((0..40).map(|_| {
-            let p = DVec3::new(random.between(-2.0, 2.0), 0.0, random.between(-2.0, 2.0));
-            (rotation * p, rotation * DVec3::Y)
-        }));
-        for receivers in [above].into_iter().chain(is_plane.then_some([on_it, in_it]).into_iter().flatten()) {
+        for receivers in [above].into_iter().chain(is_plane.then_some(on_it)) {
             open(&plane, &receivers, order);
         }
     }
@@ -376,18 +378,13 @@ fn open(plane: &Geometry, receivers: &Receivers, order: Order) {
     for method in [16, 1024].map(|lines| Method::Isolines { lines }) {
         let arrays = run(plane, None, receivers, MOST, method).arrays;
         for (i, &n) in receivers.normals.iter().enumerate() {
-            assert!((values(&arrays, "ambient_occlusion")[i] - 1.0).abs() < 1e-14);
+            let excess = values(&arrays, "ambient_occlusion")[i] - 1.0;
+            assert!(excess.abs() < 1e-14, "{method:?}, receiver {i} at {}: {excess:e}", receivers.positions[i]);
             let row = i * order.len()..(i + 1) * order.len();
             let visibility = &values(&arrays, "visibility_sh")[row.clone()];
-            let e = largest(differences(visibility, &sphere::hemisphere(order, n)));
-            assert!(
-                e < 1e-14,
-                "{i} {method:?} {e:e} {n:?} {:?} {:?}",
-                receivers.positions[i],
-                values(&arrays, "ambient_occlusion")[i] - 1.0
-            );
+            assert!(largest(differences(visibility, &sphere::hemisphere(order, n))) < 1e-13);
             let cosine: Vec<f64> = sphere::clamped_cosine(order, n).iter().map(|x| x / PI).collect();
-            assert!(largest(differences(&values(&arrays, "transfer_sh")[row], &cosine)) < 1e-14);
+            assert!(largest(differences(&values(&arrays, "transfer_sh")[row], &cosine)) < 1e-13);
         }
     }
     let arrays = run(plane, None, receivers, 1, Method::Qmc { samples: 256, seed: 0 }).arrays;
