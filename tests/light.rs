@@ -24,7 +24,7 @@ fn environment(width: usize, height: usize, radiance: impl Fn(DVec3, usize, usiz
 }
 
 fn gradient() -> Environment {
-    environment(32, 16, |d, ..| (DVec3::splat(2.0) + d).as_vec3())
+    environment(32, 16, |d, _, _| (DVec3::splat(2.0) + d).as_vec3())
 }
 
 fn checkerboard() -> Environment {
