@@ -13,7 +13,7 @@ pub struct Request {
     pub visibility_sh: bool,
     /// `transfer_sh`, `[N, order^2]`: 1/pi integral of V max(0, n.w) y.
     pub transfer_sh: bool,
-    /// `bent_normal`, `[N, 3]`: unit mean of the visible directions, weighted by the cosine; zero where nothing is visible.
+    /// `bent_normal`, `[N, 3]`: unit mean of the visible directions (Landis 2002); zero where nothing is visible.
     pub bent_normal: bool,
     /// `irradiance`, `[N, 3]`: integral of L V max(0, n.w).
     pub irradiance: bool,
