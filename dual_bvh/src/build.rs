@@ -1,12 +1,13 @@
 //! From triangles to the tree.
 
 use std::cmp::Ordering;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::dual::Dual;
+use crate::dual::{Dual, face_units};
 use crate::edge::Edges;
 use crate::node::{Bounds, FAN, Leaf, Node, Tree, WIDTH};
 use crate::{DualBvh, Error};
@@ -46,8 +47,9 @@ impl DualBvh {
     pub fn build(positions: Arc<[Vec3]>, triangles: Arc<[[u32; 3]]>, options: &BuildOptions) -> Result<DualBvh, Error> {
         validate(&positions, &triangles, options)?;
         let mut edges = Edges::collect(positions.len(), &triangles);
+        let units = face_units(&positions, &triangles);
         let balanced = {
-            let dual = Dual::new(&positions, &triangles, &edges);
+            let dual = Dual::new(&positions, &triangles, &edges, &units);
             let numbers = 0..edges.records.len() as u32;
             let (mut even, mut odd) =
                 numbers.partition::<Vec<u32>, _>(|&edge| edges.incidences(edge).len().is_multiple_of(2));
@@ -59,10 +61,10 @@ impl DualBvh {
             edges.reorder(&even, &triangles);
             balanced
         };
-        let dual = Dual::new(&positions, &triangles, &edges);
+        let dual = Dual::new(&positions, &triangles, &edges, &units);
         let unbalanced = edges.records.len() - balanced;
-        let pairs = tree(&dual, &edges, 0, balanced, true);
-        let rest = tree(&dual, &edges, balanced as u32, unbalanced, false);
+        let pairs = tree(&dual, 0, balanced, true);
+        let rest = tree(&dual, balanced as u32, unbalanced, false);
         drop(dual);
         Ok(DualBvh { positions, triangles, edges, balanced: pairs, unbalanced: rest })
     }
@@ -160,42 +162,58 @@ fn split(items: &mut [Item], mut capacity: usize) {
 }
 
 /// The tree over the `count` edges from `first` on, in their order.
-fn tree(dual: &Dual<'_>, edges: &Edges, first: u32, count: usize, balanced: bool) -> Tree {
+fn tree(dual: &Dual<'_>, first: u32, count: usize, balanced: bool) -> Tree {
     let mut tree = Tree { edges: count, ..Tree::default() };
-    for (height, nodes) in Tree::shape(count).into_iter().enumerate() {
-        let level: Vec<Node> = (0..nodes)
-            .into_par_iter()
-            .map(|index| {
-                let mut node = Node::EMPTY;
-                for lane in 0..WIDTH {
-                    let below = tree.edges_below(height, WIDTH * index + lane);
-                    if !below.is_empty() {
-                        let below = first + below.start as u32..first + below.end as u32;
-                        let points = below.clone().flat_map(|edge| dual.vertices(edge));
-                        let planes = below.flat_map(|edge| dual.planes(edge));
-                        node.set(lane, &Bounds::new(points, balanced.then_some(planes)));
+    let mut shape = Tree::shape(count).into_iter();
+    let Some(parents) = shape.next() else { return tree };
+    let mut level = vec![Node::EMPTY; parents];
+    if balanced {
+        tree.leaves = vec![Leaf::EMPTY; count.div_ceil(WIDTH)];
+        level.par_iter_mut().zip(tree.leaves.par_chunks_mut(WIDTH)).enumerate().for_each(|(index, (node, leaves))| {
+            for (lane, leaf) in leaves.iter_mut().enumerate() {
+                let edges = numbers(first, Tree::range(count, 0, WIDTH * index + lane));
+                let planes = edges.clone().flat_map(|edge| dual.planes(edge));
+                let bounds = Bounds::new(edges.clone().flat_map(|edge| dual.vertices(edge)), Some(planes));
+                node.set(lane, &bounds);
+                for (lane, edge) in edges.enumerate() {
+                    if dual.is_fan(edge) {
+                        leaf.planes[0][3][lane] = FAN;
+                    } else {
+                        dual.planes(edge).enumerate().for_each(|(which, plane)| leaf.set(which, lane, &plane, &bounds));
                     }
                 }
-                node
-            })
-            .collect();
-        tree.levels.push(level);
-    }
-    if balanced && let Some(parents) = tree.levels.first() {
-        let leaf = |index: usize| {
-            let bounds = parents[index / WIDTH].get(index % WIDTH);
-            let mut leaf = Leaf::EMPTY;
-            for (lane, edge) in tree.edges_below(0, index).enumerate() {
-                let edge = first + edge as u32;
-                if edges.incidences(edge).len() > 2 {
-                    leaf.planes[0][3][lane] = FAN;
-                } else {
-                    dual.planes(edge).enumerate().for_each(|(which, plane)| leaf.set(which, lane, &plane, &bounds));
+            }
+        });
+    } else {
+        level.par_iter_mut().enumerate().for_each(|(index, node)| {
+            for lane in 0..WIDTH {
+                let edges = numbers(first, Tree::range(count, 0, WIDTH * index + lane));
+                if !edges.is_empty() {
+                    let points = edges.flat_map(|edge| dual.vertices(edge));
+                    node.set(lane, &Bounds::new(points, None::<std::iter::Empty<_>>));
                 }
             }
-            leaf
+        });
+    }
+    tree.levels.push(level);
+
+    for (below, nodes) in shape.enumerate() {
+        let children = &tree.levels[below];
+        let merged = |index: usize| {
+            let mut node = Node::EMPTY;
+            for (lane, child) in children.iter().skip(WIDTH * index).take(WIDTH).enumerate() {
+                let first = WIDTH * (WIDTH * index + lane);
+                let live = (first..first + WIDTH).take_while(|&i| !Tree::range(count, below, i).is_empty()).count();
+                node.set(lane, &Bounds::merge((0..live).map(|lane| child.get(lane))));
+            }
+            node
         };
-        tree.leaves = (0..count.div_ceil(WIDTH)).into_par_iter().map(leaf).collect();
+        let level = (0..nodes).into_par_iter().map(merged).collect();
+        tree.levels.push(level);
     }
     tree
+}
+
+fn numbers(first: u32, range: Range<usize>) -> Range<u32> {
+    first + range.start as u32..first + range.end as u32
 }

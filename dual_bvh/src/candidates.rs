@@ -1,10 +1,10 @@
 use glam::DVec3;
 
-use crate::Incidence;
 use crate::contours::{Contour, Contours};
 use crate::face::{plane_value, sign};
 use crate::numbering::Numbering;
-use crate::query::Scratch;
+use crate::search::Scratch;
+use crate::{DualBvh, Incidence};
 
 /// An edge that may be a contour for some receiver of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,6 +48,12 @@ pub struct Candidates {
 }
 
 impl Candidates {
+    /// Forgets everything and makes room for the numbers of another tree.
+    pub(crate) fn clear(&mut self, bvh: &DualBvh) {
+        self.vertices.clear(bvh.positions.len());
+        self.faces.clear(bvh.triangles.len());
+    }
+
     /// Numbers in the mesh of the candidates' vertices.
     pub fn vertices(&self) -> &[u32] {
         self.vertices.globals()
@@ -123,7 +129,7 @@ impl Candidates {
     }
 
     #[inline(always)]
-    fn contours_inline(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+    pub(crate) fn contours_inline(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         out.room(self.faces().len(), self.edges().len());
         let signs = &mut out.signs[..self.faces().len()];
         self.signs(receiver, signs);
@@ -167,5 +173,12 @@ impl Candidates {
             let anchor = DVec3::new(f64::from(ax[i]), f64::from(ay[i]), f64::from(az[i]));
             signs[i] = sign(plane_value(DVec3::new(nx[i], ny[i], nz[i]), anchor, p));
         }
+    }
+}
+
+/// Makes a buffer at least `len` long. What lies beyond the present length is garbage of earlier searches.
+pub(crate) fn room<T: Clone + Default>(buffer: &mut Vec<T>, len: usize) {
+    if buffer.len() < len {
+        buffer.resize(len, T::default());
     }
 }

@@ -1,3 +1,5 @@
+use crate::candidates::room;
+
 /// A contour edge of one receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Contour {
@@ -32,12 +34,8 @@ impl Contours {
 
     /// Makes room for the signs of so many faces, and for so many contours.
     pub(crate) fn room(&mut self, faces: usize, edges: usize) {
-        if self.signs.len() < faces {
-            self.signs.resize(faces, 0);
-        }
-        if self.buffer.len() < edges {
-            self.buffer.resize(edges, Contour::default());
-        }
+        room(&mut self.signs, faces);
+        room(&mut self.buffer, edges);
         (self.face_count, self.count) = (faces, 0);
     }
 }

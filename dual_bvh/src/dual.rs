@@ -22,23 +22,18 @@ pub(crate) struct Dual<'a> {
     positions: &'a [Vec3],
     triangles: &'a [[u32; 3]],
     edges: &'a Edges,
-    /// Unit normals of all faces.
-    units: Vec<DVec3>,
+    units: &'a [DVec3],
     /// Whether a face of `edges.fans` is flipped.
     flipped: Vec<bool>,
 }
 
 impl<'a> Dual<'a> {
-    pub(crate) fn new(positions: &'a [Vec3], triangles: &'a [[u32; 3]], edges: &'a Edges) -> Self {
-        let unit = |&[a, b, c]: &[u32; 3]| {
-            let [a, b, c] = [a, b, c].map(|vertex| positions[vertex as usize]);
-            face_normal(a, b, c).normalize_or_zero()
-        };
-        let units: Vec<DVec3> = triangles.par_iter().map(unit).collect();
+    /// `units` as by [`face_units`].
+    pub(crate) fn new(positions: &'a [Vec3], triangles: &'a [[u32; 3]], edges: &'a Edges, units: &'a [DVec3]) -> Self {
         let mut flipped = vec![false; edges.fans.len()];
         for record in &edges.records {
             if let Some(fan) = record.fan() {
-                flips(&edges.fans[fan.clone()], &units, &mut flipped[fan]);
+                flips(&edges.fans[fan.clone()], units, &mut flipped[fan]);
             }
         }
         Self { positions, triangles, edges, units, flipped }
@@ -61,9 +56,23 @@ impl<'a> Dual<'a> {
         })
     }
 
+    /// Whether the edge has more than two faces.
+    pub(crate) fn is_fan(&self, edge: u32) -> bool {
+        self.edges.records[edge as usize].fan().is_some()
+    }
+
     pub(crate) fn vertices(&self, edge: u32) -> [DVec3; 2] {
         self.edges.records[edge as usize].vertices().map(|vertex| self.positions[vertex as usize].as_dvec3())
     }
+}
+
+/// Unit normals of all faces, zero for those without area.
+pub(crate) fn face_units(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let unit = |&[a, b, c]: &[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|vertex| positions[vertex as usize]);
+        face_normal(a, b, c).normalize_or_zero()
+    };
+    triangles.par_iter().map(unit).collect()
 }
 
 /// Chooses the flips of a fan that bring its planes closest together.
@@ -112,7 +121,8 @@ mod tests {
             for seed in 0..50 {
                 let (positions, triangles) = fan(count, 1000 * seed);
                 let edges = Edges::collect(positions.len(), &triangles);
-                let dual = Dual::new(&positions, &triangles, &edges);
+                let units = face_units(&positions, &triangles);
+                let dual = Dual::new(&positions, &triangles, &edges, &units);
                 let uses = edges.incidences(0);
                 assert_eq!(uses.len(), count);
                 let balance: i32 = dual
@@ -141,7 +151,8 @@ mod tests {
         ];
         let triangles = [[0, 1, 2], [1, 0, 3], [0, 1, 4], [1, 0, 5]];
         let edges = Edges::collect(6, &triangles);
-        let dual = Dual::new(&positions, &triangles, &edges);
+        let units = face_units(&positions, &triangles);
+        let dual = Dual::new(&positions, &triangles, &edges, &units);
         let spread = |sign: f64| dual.planes(0).all(|plane| plane.normal.z * sign > 0.0);
         assert!(spread(1.0) || spread(-1.0));
     }

@@ -50,6 +50,7 @@ mod brute;
 mod build;
 mod candidates;
 mod check;
+mod collect;
 mod contours;
 mod dual;
 mod edge;
@@ -57,7 +58,9 @@ mod error;
 mod face;
 mod node;
 mod numbering;
+mod prefetch;
 mod query;
+mod search;
 mod statistics;
 mod tile;
 

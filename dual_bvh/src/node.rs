@@ -1,5 +1,7 @@
 //! Nodes of eight children, in single precision around an origin of each child's own, and leaves of eight edges.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::dual::Plane;
@@ -99,9 +101,8 @@ impl Bounds {
         planes: Option<impl Iterator<Item = Plane> + Clone>,
     ) -> Self {
         let (low, high) = range(points);
-        let center = (0.5 * low + 0.5 * high).to_array().map(|x| x as f32);
-        let origin = DVec3::from_array(center.map(f64::from));
-        let half = (high - origin).max(origin - low).to_array().map(|x| up(x * (1.0 + SLACK)));
+        let (center, half) = centered(low, high);
+        let half = half.map(|x| up(x * (1.0 + SLACK)));
         let Some(planes) = planes else {
             return Self {
                 center,
@@ -114,10 +115,10 @@ impl Bounds {
         };
 
         let (low, high) = range(planes.clone().map(|plane| plane.normal));
-        let normal = (0.5 * (low + high)).to_array().map(|x| x as f32);
-        let middle = DVec3::from_array(normal.map(f64::from));
-        let normal_half = (high - middle).max(middle - low).to_array().map(|x| up(x * (1.0 + SLACK) + SLACK));
+        let (normal, normal_half) = centered(low, high);
+        let normal_half = normal_half.map(|x| up(x * (1.0 + SLACK) + SLACK));
 
+        let origin = DVec3::from_array(center.map(f64::from));
         let (mut low, mut high, mut reach) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
         for Plane { normal, anchor } in planes {
             let arm = origin - anchor;
@@ -125,14 +126,59 @@ impl Bounds {
             (low, high) = (low.min(offset), high.max(offset));
             reach = reach.max(arm.abs().element_sum());
         }
-        let offset = (0.5 * low + 0.5 * high) as f32;
-        let middle = f64::from(offset);
-        let spread = (high - middle).max(middle - low);
-        let offset_half = up(spread * (1.0 + SLACK) + SLACK * middle.abs() + PLANE_ROUNDING * reach);
-        // Coordinates near the largest float: no bound.
-        let (offset, offset_half) = if offset.is_finite() { (offset, offset_half) } else { (0.0, f32::INFINITY) };
+        let (offset, offset_half) = centered_offset(low, high, reach);
         Self { center, half, normal, normal_half, offset, offset_half }
     }
+
+    /// Bounds of all that the given bounds enclose: exact but for rounding in box and normals; the offsets move with the origin,
+    /// n . (c' - a) = n . (c - a) + n . (c' - c), by interval arithmetic.
+    pub(crate) fn merge(parts: impl Iterator<Item = Bounds> + Clone) -> Self {
+        let hull = |of: fn(&Bounds) -> ([f32; 3], [f32; 3])| {
+            range(parts.clone().flat_map(|part| {
+                let (middle, half) = of(&part);
+                let [middle, half] = [middle, half].map(|v| DVec3::from_array(v.map(f64::from)));
+                [middle - half, middle + half]
+            }))
+        };
+        let (low, high) = hull(|part| (part.center, part.half));
+        let (center, half) = centered(low, high);
+        let half = half.map(|x| up(x * (1.0 + 4.0 * f64::EPSILON)));
+        let (low, high) = hull(|part| (part.normal, part.normal_half));
+        let (normal, normal_half) = centered(low, high);
+        let normal_half = normal_half.map(|x| up(x * (1.0 + SLACK)));
+
+        let origin = DVec3::from_array(center.map(f64::from));
+        let (mut low, mut high, mut reach) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
+        for part in parts {
+            let of = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+            let arm = origin - of(part.center);
+            let offset = f64::from(part.offset) + of(part.normal).dot(arm);
+            let spread = f64::from(part.offset_half) + of(part.normal_half).dot(arm.abs());
+            reach = reach.max(arm.abs().element_sum());
+            (low, high) = (low.min(offset - spread), high.max(offset + spread));
+        }
+        let (offset, offset_half) = centered_offset(low, high, reach);
+        Self { center, half, normal, normal_half, offset, offset_half }
+    }
+}
+
+/// Middle, in single precision, and half widths about that of a box.
+fn centered(low: DVec3, high: DVec3) -> ([f32; 3], [f64; 3]) {
+    let middle = (0.5 * low + 0.5 * high).to_array().map(|x| x as f32);
+    let origin = DVec3::from_array(middle.map(f64::from));
+    (middle, (high - origin).max(origin - low).to_array())
+}
+
+/// Middle and half width of an interval of offsets of planes with anchors within `reach`.
+fn centered_offset(low: f64, high: f64, reach: f64) -> (f32, f32) {
+    let offset = (0.5 * low + 0.5 * high) as f32;
+    if !offset.is_finite() {
+        // Coordinates near the largest float, or no bounds at all.
+        return (0.0, f32::INFINITY);
+    }
+    let middle = f64::from(offset);
+    let spread = (high - middle).max(middle - low);
+    (offset, up(spread * (1.0 + SLACK) + SLACK * middle.abs() + PLANE_ROUNDING * reach))
 }
 
 /// The planes of eight edges, two an edge, as 8-bit fractions of the half widths of the leaf's bounds: one cache line.
@@ -216,9 +262,14 @@ impl Tree {
     }
 
     /// Edges of one child: `index` counts all children of the nodes of level `height`.
-    pub(crate) fn edges_below(&self, height: usize, index: usize) -> std::ops::Range<usize> {
+    pub(crate) fn edges_below(&self, height: usize, index: usize) -> Range<usize> {
+        Self::range(self.edges, height, index)
+    }
+
+    /// The same in a tree of `edges` edges.
+    pub(crate) fn range(edges: usize, height: usize, index: usize) -> Range<usize> {
         let capacity = Self::capacity(height);
-        (index * capacity).min(self.edges)..((index + 1) * capacity).min(self.edges)
+        (index * capacity).min(edges)..((index + 1) * capacity).min(edges)
     }
 
     /// Bytes of all nodes.

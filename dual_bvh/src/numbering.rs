@@ -1,3 +1,5 @@
+use crate::prefetch::prefetch;
+
 /// Local numbers 0, 1, 2 .. for those of many things that a search meets: a sparse set (Briggs and Torczon, 1993).
 ///
 /// The map from global to local numbers is never cleared: an entry counts only if the thing of that local number is the one asked
@@ -39,6 +41,12 @@ impl Numbering {
         *slot = local as u32;
         self.count += usize::from(!known);
         local as u32
+    }
+
+    /// Prepares for [`Numbering::insert`].
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, global: u32) {
+        prefetch(&self.locals[global as usize]);
     }
 
     /// Local number of `global`, if it has one.

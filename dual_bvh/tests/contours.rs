@@ -9,6 +9,7 @@ use dual_bvh::{Candidates, Contours, DualBvh, Tile, brute_force};
 use glam::{DVec3, Vec3, dvec3};
 use meshes::{Mesh, Uniform};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 type Found = Vec<([u32; 2], i32)>;
 
@@ -115,7 +116,7 @@ fn receiver(mesh: &Mesh, uniform: &mut Uniform) -> DVec3 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, rng_seed: RngSeed::Fixed(7), ..ProptestConfig::default() })]
 
     /// Lone search, tile search and brute force find the same edges with the same jumps, whatever is left out, also far from the
     /// origin and at any scale.

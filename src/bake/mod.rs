@@ -1,7 +1,7 @@
 //! Receivers, the plan, and the writers of results.
 
-mod along_isolines;
 mod arrays;
+mod assembly;
 mod baked;
 mod by_rays;
 mod channels;
@@ -13,6 +13,7 @@ mod progress;
 mod provenance;
 mod receivers;
 mod request;
+mod solver;
 mod statistics;
 mod tiles;
 pub mod writers;
@@ -28,3 +29,4 @@ pub use provenance::{Phase, Provenance};
 pub use receivers::Receivers;
 pub use request::{Method, Outcome, Request};
 pub use statistics::Statistics;
+pub use tiles::{TILE_RADIUS, TILE_RECEIVERS, tiles};

@@ -21,6 +21,21 @@ pub struct Request {
     pub vector_irradiance: bool,
 }
 
+impl Default for Request {
+    /// Nothing yet, in four bands.
+    fn default() -> Self {
+        Self {
+            order: 4,
+            ambient_occlusion: false,
+            visibility_sh: false,
+            transfer_sh: false,
+            bent_normal: false,
+            irradiance: false,
+            vector_irradiance: false,
+        }
+    }
+}
+
 /// How visibility is integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
@@ -29,6 +44,8 @@ pub enum Method {
         /// Number of lines over the sphere; the error falls as its power 1.5.
         lines: u32,
     },
+    /// The visible region's boundary without discretisation, and closed forms over it: no knob.
+    Exact,
     /// Quasi-Monte Carlo by ray casting, Owen-scrambled Sobol points.
     Qmc {
         /// Rays per receiver.
@@ -42,6 +59,7 @@ impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Isolines { .. } => "isolines",
+            Self::Exact => "exact",
             Self::Qmc { .. } => "qmc",
         })
     }

@@ -11,6 +11,7 @@ mod gltf;
 mod load;
 mod mesh;
 mod mtl;
+pub(crate) mod npy;
 mod obj;
 mod ply;
 mod points;

@@ -10,6 +10,8 @@ use crate::sphere::{BoundaryArc, Order, region_harmonics, vector_area};
 #[derive(Clone, Debug, Default)]
 pub struct Region {
     pub(super) boundary: Vec<BoundaryArc>,
+    /// The contour that each boundary arc lies on, an index into the contours' arcs; NIL for the horizon.
+    pub(super) sources: Vec<u32>,
     pub(super) solid_angle: f64,
     pub(super) residuals: Residuals,
 }
@@ -62,6 +64,8 @@ pub struct Residuals {
     pub negative: f64,
     /// Vertices above the horizon whose jumps do not cancel, and directions that are zero or not finite: bad input.
     pub unbalanced: u32,
+    /// W in a second direction, counted less carried along by the sweep: 0 if counts and contours agree.
+    pub depth_mismatch: i32,
     /// Exchanges of two edges in the sweep, visible or not.
     pub crossings: u32,
     /// Exchanges that topology asked for and rounding had not seen.
@@ -78,6 +82,6 @@ impl Residuals {
         /// Rounding errors of 1e5 arcs, each a few 1e-16, with three digits to spare.
         const ROUNDING: f64 = 1e-8;
         let worst = self.closure.max(self.gap).max(self.negative.abs());
-        self.unbalanced > 0 || self.pole_met || worst.is_nan() || worst > ROUNDING
+        self.unbalanced > 0 || self.depth_mismatch != 0 || self.pole_met || worst.is_nan() || worst > ROUNDING
     }
 }

@@ -29,9 +29,17 @@ pub(super) struct Queue {
     pub(super) from: Vec<[DVec3; 2]>,
 }
 
-/// Sweeps over the edges and writes the boundary of {W = 0} and the residuals; `depth_at_pole` is W at the pole.
-pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_at_pole: i32, region: &mut Region) {
+/// Sweeps over the edges and writes the boundary of {W = 0} and the residuals; `depth_at_pole` is W at the pole. Returns
+/// a direction away from pole and edges, and W there as the sweep has it.
+pub(super) fn sweep(
+    edges: &mut Edges,
+    queue: &mut Queue,
+    chart: &Chart,
+    depth_at_pole: i32,
+    region: &mut Region,
+) -> (DVec3, i32) {
     region.boundary.clear();
+    region.sources.clear();
     region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
     queue.crossings.reset(edges.vertices.len());
     queue.landmarks.reset();
@@ -45,9 +53,11 @@ pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_a
         horizon: edges.horizon,
         residuals: &mut region.residuals,
         boundary: &mut region.boundary,
+        sources: &mut region.sources,
         solid_angle: 0.0,
     };
     sweep.begin(&mut edges.at_seam, depth_at_pole);
+    let (check, depth) = sweep.widest_gap();
     let mut quarter = 1.0;
     for rank in 0..edges.vertices.len() {
         let vertex = edges.vertices[rank];
@@ -67,6 +77,7 @@ pub(super) fn sweep(edges: &mut Edges, queue: &mut Queue, chart: &Chart, depth_a
     sweep.finish();
     region.solid_angle = sweep.solid_angle;
     region.residuals.closure = region.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
+    (chart.world(check), depth)
 }
 
 /// The state of one sweep: the order as a linked list through the active edges.
@@ -81,6 +92,7 @@ pub(super) struct Sweep<'a> {
     pub(super) horizon: u32,
     pub(super) residuals: &'a mut Residuals,
     pub(super) boundary: &'a mut Vec<BoundaryArc>,
+    pub(super) sources: &'a mut Vec<u32>,
     pub(super) solid_angle: f64,
 }
 
@@ -122,6 +134,27 @@ impl Sweep<'_> {
             self.refresh(id, on_seam(self.edge(id).normal));
             let upper = self.edge(id).prev;
             self.expect_crossing(upper, id);
+        }
+    }
+
+    /// The middle of the widest gap between edges at the seam, where nothing rounds to the wrong side, and W there.
+    fn widest_gap(&self) -> (DVec3, i32) {
+        let mut widest = (0.0, DVec3::Z, self.edge(TOP).above);
+        let (mut id, mut from) = (TOP, DVec3::Z);
+        loop {
+            let next = self.edge(id).next;
+            // Below the last edge lies the other pole.
+            let to = if next == NIL { -DVec3::Z } else { on_seam(self.edge(next).normal) };
+            let width = from.z - to.z;
+            if width > widest.0 {
+                // The sum vanishes between the poles alone.
+                let middle = (from + to).try_normalize().unwrap_or(DVec3::X);
+                widest = (width, middle, self.below(id));
+            }
+            if next == NIL || next == self.horizon {
+                return (widest.1, widest.2);
+            }
+            (id, from) = (next, to);
         }
     }
 

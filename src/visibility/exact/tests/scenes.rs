@@ -51,16 +51,26 @@ pub fn contours(triangles: &[Triangle], receiver: DVec3, normal: Option<DVec3>) 
         }
     }
     let arcs = jumps.into_iter().filter(|&(_, jump)| jump != 0);
-    result.arcs = arcs.map(|((a, b), jump)| Arc { a, b, jump }).collect();
+    let plane = |a: u32, b: u32| {
+        let [a, b] = [a, b].map(|vertex| result.directions[vertex as usize]);
+        a.cross(b - a)
+    };
+    result.arcs = arcs.map(|((a, b), jump)| Arc { a, b, jump, plane: plane(a, b) }).collect();
     result
 }
 
-/// W in a direction: the triangles whose three edges have it on the same side.
+/// W in a direction: the triangles whose three edges have it on the same side. Faces seen edge-on, or with
+/// two corners in one direction, within rounding have no sides to speak of, and no area.
 pub fn depth(triangles: &[Triangle], receiver: DVec3, w: DVec3) -> i32 {
     let hit = |triangle: &&Triangle| {
-        let sign = sign(triangle, receiver) as f64;
         let [a, b, c] = triangle.map(|corner| corner - receiver);
-        sign != 0.0 && [a.cross(b), b.cross(c), c.cross(a)].iter().all(|edge| sign * edge.dot(w) < 0.0)
+        let n = (b - a).cross(c - a);
+        let volume = a.dot(n);
+        let edges = [(a, b), (b, c), (c, a)];
+        let is_end_on = |&(a, b): &(DVec3, DVec3)| a.cross(b - a).length() <= 1e-14 * a.length() * b.length();
+        let has_no_area = volume.abs() <= 1e-14 * a.length() * n.length() || edges.iter().any(is_end_on);
+        let is_inside = |&(a, b): &(DVec3, DVec3)| volume.signum() * a.cross(b).dot(w) > 0.0;
+        sign(triangle, receiver) != 0 && !has_no_area && edges.iter().all(is_inside)
     };
     triangles.iter().filter(hit).count() as i32
 }

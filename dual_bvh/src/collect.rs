@@ -1,0 +1,129 @@
+//! From the edges that a search found to candidates with their vertices and faces.
+
+use glam::DVec3;
+
+use crate::candidates::{CandidateEdge, Candidates, room};
+use crate::edge::Incidence;
+use crate::face::{face_normal, plane_value, sign};
+use crate::prefetch::{AHEAD, ahead, prefetch};
+use crate::search::Scratch;
+use crate::{DualBvh, Tile};
+
+impl DualBvh {
+    /// Turns the hits into candidates, in simple passes, each of which lets many loads overlap.
+    #[inline(always)]
+    pub(crate) fn collect(&self, tile: &Tile<'_>, scratch: &mut Scratch, out: &mut Candidates) {
+        let Scratch { hits, regular, border, other, .. } = scratch;
+        regular.clear();
+        border.clear();
+        other.clear();
+        for &edge in ahead(hits, AHEAD, |&edge| prefetch(&self.edges.records[edge as usize])) {
+            let record = self.edges.records[edge as usize];
+            if let Some(faces) = record.regular() {
+                regular.push((record.vertices(), faces));
+            } else if let Some(use_) = record.lone() {
+                border.push((record.vertices(), use_));
+            } else if !record.fan().is_some_and(|fan| self.is_fan_certain(tile, &self.edges.fans[fan])) {
+                other.push(edge);
+            }
+        }
+        out.regular = regular.len();
+        out.border = border.len();
+        out.edge_count = regular.len() + border.len() + other.len();
+
+        room(&mut out.edges, out.edge_count);
+        out.vertices.reserve(2 * out.edge_count + 1);
+        let (pairs, rest) = out.edges.split_at_mut(out.regular);
+        let (lone, rest) = rest.split_at_mut(out.border);
+        let mut first = 0;
+        for i in 0..regular.len() {
+            if let Some(&([a, b], _)) = regular.get(i + AHEAD) {
+                out.vertices.prefetch(a);
+                out.vertices.prefetch(b);
+            }
+            let ([a, b], _) = regular[i];
+            pairs[i] = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 2 };
+            first += 2;
+        }
+        for (edge, &([a, b], _)) in lone.iter_mut().zip(&*border) {
+            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 1 };
+            first += 1;
+        }
+        for (edge, &other) in rest.iter_mut().zip(&*other) {
+            let [a, b] = self.edges.records[other as usize].vertices();
+            let len = self.edges.incidences(other).len() as u32;
+            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len };
+            first += len;
+        }
+
+        out.incidence_count = first as usize;
+        room(&mut out.incidences, out.incidence_count);
+        out.faces.reserve(out.incidence_count + 1);
+        let (pairs, rest) = out.incidences.split_at_mut(2 * out.regular);
+        let (lone, rest) = rest.split_at_mut(out.border);
+        for i in 0..regular.len() {
+            if let Some(&(_, [f, g])) = regular.get(i + AHEAD) {
+                out.faces.prefetch(f);
+                out.faces.prefetch(g);
+            }
+            let (_, [f, g]) = regular[i];
+            pairs[2 * i] = Incidence::new(out.faces.insert(f), false);
+            pairs[2 * i + 1] = Incidence::new(out.faces.insert(g), true);
+        }
+        let number =
+            |(local, use_): (&mut Incidence, Incidence)| *local = use_.with_face(out.faces.insert(use_.face()));
+        let others = other.iter().flat_map(|&edge| self.edge_faces(edge));
+        lone.iter_mut().zip(border.iter().map(|&(_, use_)| use_)).chain(rest.iter_mut().zip(others)).for_each(number);
+
+        let vertices = out.vertices.globals();
+        room(&mut out.positions, vertices.len());
+        let vertices = ahead(vertices, AHEAD, |&vertex| prefetch(&self.positions[vertex as usize]));
+        for (position, &vertex) in out.positions.iter_mut().zip(vertices) {
+            *position = self.positions[vertex as usize].as_dvec3();
+        }
+        self.collect_planes(out);
+    }
+
+    #[inline(always)]
+    fn collect_planes(&self, out: &mut Candidates) {
+        let faces = out.faces.globals();
+        let triangles = ahead(faces, 2 * AHEAD, |&face| prefetch(&self.triangles[face as usize]));
+        let corners = ahead(faces, AHEAD, |&face| {
+            self.triangles[face as usize].iter().for_each(|&corner| prefetch(&self.positions[corner as usize]));
+        });
+        out.normals.iter_mut().for_each(|lanes| room(lanes, faces.len()));
+        out.anchors.iter_mut().for_each(|lanes| room(lanes, faces.len()));
+        let [nx, ny, nz] = &mut out.normals;
+        let [ax, ay, az] = &mut out.anchors;
+        for (i, (&face, _)) in triangles.zip(corners).enumerate() {
+            let [a, b, c] = self.triangles[face as usize];
+            let a = self.positions[a as usize];
+            let n = face_normal(a, self.positions[b as usize], self.positions[c as usize]);
+            (nx[i], ny[i], nz[i]) = (n.x, n.y, n.z);
+            (ax[i], ay[i], az[i]) = (a.x, a.y, a.z);
+        }
+    }
+
+    /// Whether a fan is certain to be no contour, unless one of its faces is excluded.
+    fn is_fan_certain(&self, tile: &Tile<'_>, fan: &[Incidence]) -> bool {
+        if !tile.excluded().is_empty() && fan.iter().any(|use_| tile.excluded().contains(&use_.face())) {
+            return false;
+        }
+        let jump = fan.iter().try_fold(0, |jump, use_| {
+            let [a, b, c] = self.triangles[use_.face() as usize].map(|vertex| self.positions[vertex as usize]);
+            let sign = certain_sign(tile, face_normal(a, b, c), a.as_dvec3())?;
+            Some(jump + i32::from(use_.orientation()) * i32::from(sign))
+        });
+        jump == Some(0)
+    }
+}
+
+/// The side of a plane, through `anchor` with normal `n` of any length, on which all of a tile lies; none if that is not certain.
+#[inline(always)]
+fn certain_sign(tile: &Tile<'_>, n: DVec3, anchor: DVec3) -> Option<i8> {
+    let value = plane_value(n, anchor, tile.center);
+    // Rounding of the value, at the centre and at the receiver, is below 16 units of roundoff of the length of its terms.
+    let arm = (tile.center - anchor).abs().element_sum() + tile.radius;
+    let bound = n.length() * (tile.radius + 16.0 * f64::EPSILON * arm) + f64::MIN_POSITIVE;
+    (value.abs() > bound).then(|| sign(value))
+}
