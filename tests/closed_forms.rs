@@ -9,7 +9,7 @@ mod scenes;
 
 use std::f64::consts::{PI, TAU};
 
-use convergence::{LINES, slope};
+use convergence::slope;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use outline::Blocker;
 use scenes::{Random, assembled, rms, run, values};
@@ -17,6 +17,9 @@ use silhouette::bake::{Method, Receivers};
 use silhouette::scene::shapes::{Cuboid, Icosphere, Opening, Plane, Room, TorusKnot};
 use silhouette::scene::{Environment, Geometry, Mesh};
 use silhouette::sphere::{self, Order, closed_forms};
+
+/// Numbers of isolines at which errors are measured.
+const LINES: [u32; 4] = [16, 64, 256, 1024];
 
 /// Bands of the ensembles; caps and planes are compared to [`MOST`].
 const ORDER: usize = 4;
@@ -191,8 +194,7 @@ fn holds(name: &str, scenes: &[Known]) {
             let constant = error * f64::from(lines).powf(1.5);
             assert!(constant < RMS_CONSTANT, "{name}: {array} at {lines} isolines: {error:e}, {constant:.3} N^-1.5");
         }
-        let slope = slope(&errors);
-        println!("{name}: {array} {errors:?}, slope {slope:.2}");
+        let slope = slope(LINES, errors);
         assert!(slope >= 1.4, "{name}: {array} falls as N^-{slope:.2}: {errors:?}");
     }
 
@@ -351,7 +353,7 @@ fn walls_become_infinite() {
         let [rms, worst] = [rms(errors.iter().copied()), largest(errors.iter().copied())];
         assert!(rms < RMS_CONSTANT * f64::from(lines).powf(-1.5) && worst < worst_allowed(lines), "{rms:e} {worst:e}");
     }
-    let slope = slope(&errors.map(rms));
+    let slope = slope(LINES, errors.map(rms));
     assert!(slope >= 1.4, "falls as N^-{slope:.2}");
 }
 
@@ -420,7 +422,6 @@ fn spherical_caps_by_zonal_harmonics() {
             }
         }
     }
-    println!("caps {:e} {:e}", rms(errors.iter().copied()), largest(errors.iter().copied()));
     assert!(rms(errors.iter().copied()) < 8.0 * FINE && largest(errors.iter().copied()) < worst_allowed(256));
 }
 
@@ -517,10 +518,6 @@ fn small_holes_in_closed_rooms_are_found() {
             let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
             let spread = rms(ratios.iter().map(|x| x - 1.0));
             let missed = ratios.iter().filter(|&&x| x == 0.0).count();
-            println!(
-                "hole {size}, {lines} isolines: mean {mean:.4}, spread {spread:.1e}, missed {missed} of {}",
-                ratios.len()
-            );
             assert!((mean - 1.0).abs() < 4.5 * spread / (ratios.len() as f64).sqrt(), "{size} {lines}: mean {mean}");
             assert_eq!(missed > 0, lines == 64, "{size} {lines}: {missed} missed");
         }
@@ -558,12 +555,6 @@ fn complements_add_to_the_whole() {
         let hemispheres: Vec<f64> = places.iter().flat_map(|&(_, n)| sphere::hemisphere(order, n)).collect();
         let allowed = RMS_CONSTANT * f64::from(lines).powf(-1.5);
         let errors = differences(&wholes[0][0], &hemispheres);
-        println!(
-            "whole at {lines}: {:e} {:e} {:e}",
-            largest(errors.clone()),
-            rms(errors.clone()),
-            rms(wholes[0][1].iter().map(|x| x - 1.0))
-        );
         assert!(largest(errors.clone()) < worst_allowed(lines) && rms(errors) < allowed);
         assert!(rms(wholes[0][1].iter().map(|x| x - 1.0)) < allowed);
     }

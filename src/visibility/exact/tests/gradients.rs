@@ -39,7 +39,7 @@ impl Gradient {
 fn gradient(triangles: &[Triangle], receiver: DVec3, normal: Option<DVec3>) -> Gradient {
     let contours = contours(triangles, receiver, normal);
     let mut scratch = Scratch::default();
-    let region = solve(&contours, normal, |w| depth(triangles, receiver, w), &mut scratch);
+    let region = solve(&contours, normal, 0, |w| depth(triangles, receiver, w), &mut scratch);
     assert!(!region.residuals().alarm(), "{:?}", region.residuals());
     let mut harmonics = vec![DVec3::NAN; order().len()];
     region.harmonics_gradient(&contours, order(), &mut harmonics);
