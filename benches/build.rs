@@ -2,20 +2,19 @@
 
 mod scene;
 
-use std::f64::consts::PI;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use dual_bvh::{BuildOptions, Candidates, Contours, DualBvh, Tile, brute_force};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use scene::Case;
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
 use silhouette::reference::RayScene;
-use silhouette::scene::{Environment, FaceTree, Scene, Sky};
+use silhouette::scene::{FaceTree, Scene, Sky};
 use silhouette::sphere::Order;
-use silhouette::visibility::{Frame, Isolines, Viewer};
+use silhouette::visibility::{Frame, Isolines, open_intervals};
 
 const LINES: usize = 256;
 
@@ -37,27 +36,28 @@ fn bench(criterion: &mut Criterion) {
     let expected = brute_force(&geometry.positions, &geometry.triangles, above, &[]).len();
     assert_eq!(contours.edges().len(), expected, "contours");
 
-    // A floating receiver far away, with its back to the scene: all is open.
-    let (tree, dual) = (faces(), edges());
-    let viewer = Viewer { edges: &dual, faces: &tree, isolines: &isolines };
+    // All of a hemisphere and all of the sky's light.
     let normal = DVec3::new(0.36, 0.48, 0.8);
-    let axis = Frame::facing(Some(normal)).axis();
     let harmonics = LineHarmonics::new(order, &isolines);
-    let even = LightTable::new(&isolines, &Environment::constant(Vec3::ONE).expect("finite"));
-    let (mut moments, mut light) = (LineMoments::new(&harmonics), LightMoments::default());
-    viewer.see_all(Some(normal), |interval| {
-        moments.add(&harmonics, interval);
-        light.add(&even, axis, interval);
-    });
-    let mut coefficients = vec![0.0; order.len()];
-    moments.finish(&harmonics, axis, &mut coefficients);
-    // The horizon is known to a slab's width squared.
+    let light = LightTable::new(&isolines, &sky);
+    let mut moments = LineMoments::new(&harmonics);
+    let frame = Frame::facing(Some(normal), 0);
+    open_intervals(&isolines, frame, Some(normal), |interval| moments.add(&harmonics, interval));
+    let (mut even, mut odd) = (vec![0.0; order.len()], vec![0.0; order.len()]);
+    moments.finish(&harmonics, frame.axis(), [&mut even, &mut odd]);
+    let coefficients: Vec<f64> = even.iter().zip(&odd).map(|(even, odd)| even + odd).collect();
+    // The horizon is off by a slab's width squared.
     let tolerance = 10.0 / (LINES * LINES) as f64;
     assert!((ambient_occlusion(&coefficients, normal) - 1.0).abs() < tolerance, "harmonics along lines");
-    assert!(light.vectors().iter().all(|vector| (vector.dot(normal) - PI).abs() < 10.0 * tolerance), "light");
+    let mut moments = LightMoments::default();
+    let frame = Frame::facing(None, 0);
+    open_intervals(&isolines, frame, None, |interval| moments.add(&light, frame.axis(), interval));
+    let [even, odd] = moments.vectors();
+    let expected = sky.patches(1).map(|(moment, radiance)| moment * f64::from(radiance.x)).sum::<DVec3>();
+    assert!((even[0] + odd[0]).distance(expected) < 1e-9, "light along lines");
 
     // What the judge's rays hit first is on the tree's way, too.
-    let rays = RayScene::new(&geometry);
+    let (tree, rays) = (faces(), RayScene::new(&geometry));
     for receiver in (0..receivers.len()).step_by(5000).map(|i| receivers.get(i)) {
         let Some(direction) = receiver.normal else { continue };
         let Some(hit) = rays.first_hit(receiver.position, direction, receiver.excluded) else { continue };

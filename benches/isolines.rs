@@ -12,7 +12,7 @@ use scene::Case;
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
 use silhouette::scene::FaceTree;
 use silhouette::sphere::{Order, hemisphere};
-use silhouette::visibility::{Frame, Isolines, Sight, View, Viewer};
+use silhouette::visibility::{Frame, Isolines, Sight, View, Viewer, open_intervals};
 
 /// Scene and receivers timed.
 const SCENES: [(&str, usize); 4] = [("icosphere", 256), ("room", 256), ("knots_100k", 256), ("foliage", 64)];
@@ -37,21 +37,28 @@ struct Engine<'a> {
 impl Engine<'_> {
     /// Every receiver's coefficients, one row after another.
     fn harmonics(&mut self, tiles: &[Vec<u32>], table: &LineHarmonics) -> Vec<f64> {
-        let viewer = Viewer { edges: self.edges, faces: self.faces, isolines: &self.isolines };
+        let viewer = Viewer { edges: self.edges, faces: self.faces };
         let mut moments = LineMoments::new(table);
         let size = table.order().len();
-        let mut rows = vec![0.0; size * tiles.iter().map(Vec::len).sum::<usize>()];
-        let mut row = rows.chunks_exact_mut(size);
+        let (mut even, mut odd) = (vec![0.0; size], vec![0.0; size]);
+        let mut rows = Vec::new();
         for tile in tiles {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             viewer.approach(receivers.clone(), &mut self.view);
-            for (receiver, out) in receivers.zip(&mut row) {
-                let sight = viewer.see(receiver, &mut self.view, |interval| moments.add(table, interval));
+            for receiver in receivers {
+                let frame = Frame::facing(receiver.normal, 0);
+                even.fill(0.0);
+                odd.fill(0.0);
+                viewer.face(receiver, &mut self.view);
+                let sight = viewer.follow(&self.isolines, frame, receiver, &mut self.view, |interval| {
+                    moments.add(table, interval);
+                });
                 match (sight, receiver.normal) {
-                    (Sight::Part(_), normal) => moments.finish(table, Frame::facing(normal).axis(), out),
-                    (Sight::Open, Some(normal)) => out.copy_from_slice(&hemisphere(table.order(), normal)),
+                    (Sight::Part(_), _) => moments.finish(table, frame.axis(), [&mut even, &mut odd]),
+                    (Sight::Open, Some(normal)) => even.copy_from_slice(&hemisphere(table.order(), normal)),
                     _ => {}
                 }
+                rows.extend(even.iter().zip(&odd).map(|(even, odd)| even + odd));
             }
         }
         rows
@@ -59,19 +66,25 @@ impl Engine<'_> {
 
     /// Every receiver's vector irradiance, colours of axes, one row after another.
     fn light(&mut self, tiles: &[Vec<u32>], table: &LightTable) -> Vec<f64> {
-        let viewer = Viewer { edges: self.edges, faces: self.faces, isolines: &self.isolines };
+        let viewer = Viewer { edges: self.edges, faces: self.faces };
         let mut rows = Vec::new();
         for tile in tiles {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             viewer.approach(receivers.clone(), &mut self.view);
             for receiver in receivers {
-                let axis = Frame::facing(receiver.normal).axis();
+                let frame = Frame::facing(receiver.normal, 0);
                 let mut moments = LightMoments::default();
-                let sight = viewer.see(receiver, &mut self.view, |interval| moments.add(table, axis, interval));
+                viewer.face(receiver, &mut self.view);
+                let sight = viewer.follow(&self.isolines, frame, receiver, &mut self.view, |interval| {
+                    moments.add(table, frame.axis(), interval);
+                });
                 if sight == Sight::Open {
-                    viewer.see_all(receiver.normal, |interval| moments.add(table, axis, interval));
+                    open_intervals(&self.isolines, frame, receiver.normal, |interval| {
+                        moments.add(table, frame.axis(), interval);
+                    });
                 }
-                rows.extend(moments.vectors().iter().flat_map(|vector| vector.to_array()));
+                let [even, odd] = moments.vectors();
+                rows.extend(even.iter().zip(&odd).flat_map(|(&even, &odd)| (even + odd).to_array()));
             }
         }
         rows

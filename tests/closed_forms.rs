@@ -181,7 +181,7 @@ fn isoline_errors(scenes: &[Known], lines: u32, name: &str) -> [f64; 2] {
     }
     let worst = largest(errors[0].iter().copied());
     assert!(worst < worst_allowed(lines), "{name}, {lines} isolines: worst {worst:e}");
-    errors.map(|errors| rms(errors))
+    errors.map(rms)
 }
 
 /// The isolines' error is what is stated, and falls as stated; the judge's is what it states itself.
