@@ -26,9 +26,10 @@ enum OwnFaces {
 }
 
 impl Receivers {
-    /// Receivers on no surface of the scene: positions and unit normals are used as given.
+    /// Receivers on no surface of the scene: positions are used as given, and so are the
+    /// directions of the normals; what digits in a file leave their lengths short of 1 is made up.
     pub fn points(points: impl IntoIterator<Item = (DVec3, DVec3)>) -> Self {
-        let (positions, normals) = points.into_iter().unzip();
+        let (positions, normals) = points.into_iter().map(|(p, n)| (p, n.normalize_or_zero())).unzip();
         Self { positions, normals, ..Self::default() }
     }
 
