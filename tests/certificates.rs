@@ -64,12 +64,13 @@ fn pairs(found: &Arrays, truth: &Arrays, receivers: usize) -> Vec<(&'static str,
 
 /// Pearson's correlation of the logarithms.
 fn correlation(pairs: &[(f64, f64)]) -> f64 {
-    let logs: Vec<(f64, f64)> = pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0).map(|(a, b)| (a.ln(), b.ln())).collect();
+    let logs: Vec<(f64, f64)> =
+        pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0).map(|(a, b)| (a.ln(), b.ln())).collect();
     let count = logs.len() as f64;
     let (x, y) = logs.iter().fold((0.0, 0.0), |(x, y), (a, b)| (x + a / count, y + b / count));
-    let sums = logs.iter().fold([0.0; 3], |[xx, xy, yy], (a, b)| {
-        [xx + (a - x).powi(2), xy + (a - x) * (b - y), yy + (b - y).powi(2)]
-    });
+    let sums = logs
+        .iter()
+        .fold([0.0; 3], |[xx, xy, yy], (a, b)| [xx + (a - x).powi(2), xy + (a - x) * (b - y), yy + (b - y).powi(2)]);
     sums[1] / (sums[0] * sums[2]).sqrt()
 }
 
@@ -95,7 +96,12 @@ fn isolines_know_their_error() {
         let mut ratios: Vec<f64> = pairs.iter().map(|(error, estimate)| error / estimate).collect();
         ratios.sort_unstable_by(f64::total_cmp);
         let (count, r) = (ratios.len(), correlation(pairs));
-        println!("{name}: median {:.3} 99% {:.3} most {:.3} correlation {r:.3}", ratios[count / 2], ratios[count * 99 / 100], ratios[count - 1]);
+        println!(
+            "{name}: median {:.3} 99% {:.3} most {:.3} correlation {r:.3}",
+            ratios[count / 2],
+            ratios[count * 99 / 100],
+            ratios[count - 1]
+        );
     }
     for (name, pairs) in &all {
         let bounded = pairs.iter().filter(|(error, estimate)| error <= estimate).count();
