@@ -98,7 +98,7 @@ fn isolines_know_their_error() {
         assert!(bounded * 100 >= pairs.len() * 99, "{name}: {bounded} of {}", pairs.len());
         let correlation = correlation(pairs);
         assert!(correlation > 0.55, "{name}: {correlation}");
-        // A bound that is never near is no bound: half of the errors are above a fiftieth of it.
+        // A bound that is never near is no bound: half of the errors are above a hundredth of it.
         let near = pairs.iter().filter(|(error, estimate)| 100.0 * error > *estimate).count();
         assert!(near * 2 >= pairs.len(), "{name}: {near} of {}", pairs.len());
     }

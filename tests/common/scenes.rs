@@ -1,4 +1,5 @@
 //! What the numerical tests share: numbers at random, small geometry, and a run of the engine.
+#![allow(dead_code, reason = "each test takes what it needs")]
 
 use std::f64::consts::TAU;
 
