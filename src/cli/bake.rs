@@ -108,6 +108,7 @@ impl Bake {
         }
         if !wanted(Quantity::Transfer) {
             arrays.remove("transfer_sh");
+            arrays.remove("transfer_sh_error");
         }
         let baked = Baked::Vertices(BakedVertices {
             positions: receivers.positions,
