@@ -380,7 +380,12 @@ fn open_planes_are_exact() {
         let (on_it, undirected) = Receivers::vertices(&plane);
         assert!(undirected.is_empty());
         let above = Receivers::points(on_it.positions.iter().zip(&on_it.normals).map(|(p, n)| (p + n * 0.25, *n)));
-        for receivers in [above].into_iter().chain(is_plane.then_some(on_it)) {
+        // In the plane itself, as points sampled on a floor are, and not known to lie on it.
+        let in_it = Receivers::points((0..40).map(|_| {
+            let p = DVec3::new(random.between(-2.0, 2.0), 0.0, random.between(-2.0, 2.0));
+            (rotation * p, rotation * DVec3::Y)
+        }));
+        for receivers in [above].into_iter().chain(is_plane.then_some([on_it, in_it]).into_iter().flatten()) {
             open(&plane, &receivers, order);
         }
     }
