@@ -257,7 +257,7 @@ fn shared() -> (Geometry, Environment, Receivers) {
     (geometry, Environment::new(8, 4, light).unwrap(), Receivers::points(receivers))
 }
 
-const METHODS: [Method; 2] = [Method::Isolines { lines: 64 }, Method::Qmc { samples: 64, seed: 5 }];
+const METHODS: [Method; 3] = [Method::Isolines { lines: 64 }, Method::Exact, Method::Qmc { samples: 64, seed: 5 }];
 
 #[test]
 fn threads_change_no_bit() {
