@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use crate::scene::{Geometry, VertexFaces};
+use crate::scene::{Geometry, VertexFaces, faces_at};
 use crate::visibility::Receiver;
 
 /// The points a result is computed for, in the order of its rows.
@@ -23,10 +23,12 @@ enum OwnFaces {
     One(Vec<u32>),
     /// All faces around each vertex.
     Incident(VertexFaces),
+    /// Any number for each: those of receiver `i` stand at `first[i]..first[i + 1]`.
+    Several { first: Vec<usize>, faces: Vec<u32> },
 }
 
 impl Receivers {
-    /// Receivers on no surface of the scene: positions and unit normals are used as given.
+    /// Receivers on no surface of the scene: positions and unit normals are used as given. See [`Receivers::on_surface`].
     pub fn points(points: impl IntoIterator<Item = (DVec3, DVec3)>) -> Self {
         let (positions, normals) = points.into_iter().unzip();
         Self { positions, normals, ..Self::default() }
@@ -64,6 +66,18 @@ impl Receivers {
         (Self { positions, normals, own: OwnFaces::Incident(geometry.vertex_faces()) }, undirected)
     }
 
+    /// The same receivers, each of which leaves out exactly the faces of `geometry` on which it lies: the face it is inside
+    /// of, those that share its edge or corner, and all that coincide there. Decided without tolerance ([`faces_at`]); a face
+    /// elsewhere in the same plane is none of them, nor is one that rounding has set the receiver beside.
+    pub fn on_surface(self, geometry: &Geometry) -> Self {
+        let (mut first, mut faces) = (vec![0], Vec::new());
+        for own in faces_at(&geometry.positions, &geometry.triangles, self.positions.iter().copied()) {
+            faces.extend(own);
+            first.push(faces.len());
+        }
+        Self { own: OwnFaces::Several { first, faces }, ..self }
+    }
+
     /// Number of receivers.
     pub fn len(&self) -> usize {
         self.positions.len()
@@ -80,6 +94,7 @@ impl Receivers {
             OwnFaces::None => &[],
             OwnFaces::One(faces) => &faces[index..=index],
             OwnFaces::Incident(faces) => faces.of(index as u32),
+            OwnFaces::Several { first, faces } => &faces[first[index]..first[index + 1]],
         };
         Receiver { position: self.positions[index], normal: self.normals.get(index).copied(), excluded }
     }
