@@ -8,6 +8,7 @@ pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod sphere;
+pub mod stress;
 pub mod visibility;
 
 pub use error::{Error, Result};

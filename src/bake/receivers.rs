@@ -27,6 +27,17 @@ enum OwnFaces {
     Several { first: Vec<usize>, faces: Vec<u32> },
 }
 
+impl OwnFaces {
+    fn several(lists: Vec<Vec<u32>>) -> Self {
+        let (mut first, mut faces) = (vec![0], Vec::new());
+        for list in lists {
+            faces.extend(list);
+            first.push(faces.len());
+        }
+        Self::Several { first, faces }
+    }
+}
+
 impl Receivers {
     /// Receivers on no surface of the scene: positions and unit normals are used as given. See [`Receivers::on_surface`].
     pub fn points(points: impl IntoIterator<Item = (DVec3, DVec3)>) -> Self {
@@ -43,6 +54,12 @@ impl Receivers {
     pub fn on_faces(points: impl IntoIterator<Item = (DVec3, DVec3, u32)>) -> Self {
         let (positions, (normals, faces)) = points.into_iter().map(|(p, n, face)| (p, (n, face))).unzip();
         Self { positions, normals, own: OwnFaces::One(faces) }
+    }
+
+    /// Receivers that each lie on some faces, any number of them: the faces that meet in an edge, for instance.
+    pub fn leaving_out(points: impl IntoIterator<Item = (DVec3, DVec3, Vec<u32>)>) -> Self {
+        let (positions, (normals, own)): (_, (_, Vec<_>)) = points.into_iter().map(|(p, n, own)| (p, (n, own))).unzip();
+        Self { positions, normals, own: OwnFaces::several(own) }
     }
 
     /// The vertices of a mesh with their angle-weighted normals; each leaves out its own incident faces.
@@ -70,12 +87,8 @@ impl Receivers {
     /// of, those that share its edge or corner, and all that coincide there. Decided without tolerance ([`faces_at`]); a face
     /// elsewhere in the same plane is none of them, nor is one that rounding has set the receiver beside.
     pub fn on_surface(self, geometry: &Geometry) -> Self {
-        let (mut first, mut faces) = (vec![0], Vec::new());
-        for own in faces_at(&geometry.positions, &geometry.triangles, self.positions.iter().copied()) {
-            faces.extend(own);
-            first.push(faces.len());
-        }
-        Self { own: OwnFaces::Several { first, faces }, ..self }
+        let own = faces_at(&geometry.positions, &geometry.triangles, self.positions.iter().copied());
+        Self { own: OwnFaces::several(own), ..self }
     }
 
     /// Number of receivers.
