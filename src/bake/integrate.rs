@@ -2,9 +2,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::along_isolines::AlongIsolines;
 use super::by_rays::ByRays;
 use super::layout::Layout;
+use super::solver::Solver;
 use super::tiles::{TILE_RADIUS, tiles};
 use super::{Array, Arrays, Control, Method, Outcome, Partial, Receivers, Request, Statistics};
 use crate::scene::{Environment, Geometry};
@@ -28,7 +28,7 @@ pub fn integrate(
     resume: Option<Partial>,
     control: &dyn Control,
 ) -> Result<Outcome> {
-    let layout = Layout::new(request, method, receivers.normals.is_empty())?;
+    let layout = Layout::new(request, receivers.normals.is_empty())?;
     let light = match (request.irradiance || request.vector_irradiance, environment) {
         (false, _) => None,
         (true, None) => return Err(Error::input("irradiance was asked for, but there is no environment")),
@@ -36,8 +36,8 @@ pub fn integrate(
     };
     let started = Instant::now();
     match method {
-        Method::Isolines { lines } => {
-            let baker = AlongIsolines::new(geometry, light, request, &layout, lines as usize)?;
+        Method::Isolines { .. } | Method::Exact => {
+            let baker = Solver::new(geometry, light, request, &layout, method)?;
             run(&baker, &layout, geometry, receivers, method, request, resume, started, control)
         }
         Method::Qmc { samples, seed } => {
@@ -61,8 +61,10 @@ pub(super) trait Baker: Sync {
 pub(super) struct Counts {
     /// Contour arcs above the horizon.
     pub(super) contours: u64,
-    /// Receivers on which the depth complexity's bookkeeping failed somewhere.
+    /// Receivers that raised an alarm: the depth complexity's bookkeeping, or another identity, failed somewhere.
     pub(super) depth_alarms: u64,
+    /// Receivers solved again in a rotated frame, by the other method, by rays.
+    pub(super) fallbacks: [u64; 3],
     /// Receivers that see everything above their horizon: solved in closed form.
     pub(super) open: u64,
     /// Receivers that see nothing.
@@ -75,11 +77,15 @@ impl std::ops::AddAssign for Counts {
     fn add_assign(&mut self, other: Self) {
         self.contours += other.contours;
         self.depth_alarms += other.depth_alarms;
+        self.fallbacks.iter_mut().zip(other.fallbacks).for_each(|(sum, other)| *sum += other);
         self.open += other.open;
         self.enclosed += other.enclosed;
         self.shared_searches += other.shared_searches;
     }
 }
+
+/// What is tried after an alarm, in this order.
+const FALLBACKS: [&str; 3] = ["rotated_frame", "other_method", "rays"];
 
 #[expect(clippy::too_many_arguments, reason = "the parts of one call of `integrate`, split off for the generic method")]
 fn run<B: Baker>(
@@ -141,8 +147,8 @@ fn run<B: Baker>(
         integrate_seconds,
         contours_per_receiver: counts.contours as f64 / solved.max(1) as f64,
         depth_alarms: counts.depth_alarms,
+        fallbacks: FALLBACKS.iter().zip(counts.fallbacks).map(|(name, count)| ((*name).to_owned(), count)).collect(),
         skipped: skipped.into_iter().map(|(name, count)| (name.to_owned(), count)).collect(),
-        ..Statistics::default()
     };
     let done = std::mem::take(&mut rows.done);
     Ok(Outcome { arrays: rows.into_arrays(layout)?, done, statistics })

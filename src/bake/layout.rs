@@ -1,4 +1,4 @@
-use super::{Method, Request};
+use super::Request;
 use crate::sphere::Order;
 use crate::{Error, Result};
 
@@ -12,9 +12,9 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The rows for a request; refuses what makes no sense. Quasi-Monte Carlo adds the standard error of every value, in
-    /// arrays of the same shape called `NAME_error`.
-    pub(super) fn new(request: &Request, method: Method, probes: bool) -> Result<Self> {
+    /// The rows for a request; refuses what makes no sense. Beside every array stands one of the same shape, `NAME_error`,
+    /// with the estimated absolute error of each value (by rays: the standard error).
+    pub(super) fn new(request: &Request, probes: bool) -> Result<Self> {
         let coefficients = Order::new(request.order)?.len();
         if probes && (request.ambient_occlusion || request.transfer_sh || request.irradiance) {
             return Err(Error::input(
@@ -37,10 +37,8 @@ impl Layout {
         if layout.width == 0 {
             return Err(Error::input("nothing was asked for: request at least one array"));
         }
-        if let Method::Qmc { .. } = method {
-            for (name, _, shape) in layout.arrays.clone().into_iter().filter(|(name, ..)| name != "bent_normal") {
-                layout.push(name + "_error", shape);
-            }
+        for (name, _, shape) in layout.arrays.clone().into_iter().filter(|(name, ..)| name != "bent_normal") {
+            layout.push(name + "_error", shape);
         }
         Ok(layout)
     }

@@ -1,7 +1,7 @@
 //! Receivers, the plan, and the writers of results.
 
-mod along_isolines;
 mod arrays;
+mod assembly;
 mod baked;
 mod by_rays;
 mod channels;
@@ -13,6 +13,7 @@ mod progress;
 mod provenance;
 mod receivers;
 mod request;
+mod solver;
 mod statistics;
 mod tiles;
 pub mod writers;

@@ -29,6 +29,8 @@ pub enum Method {
         /// Number of lines over the sphere; the error falls as its power 1.5.
         lines: u32,
     },
+    /// The visible region's boundary without discretisation, and closed forms over it: no knob.
+    Exact,
     /// Quasi-Monte Carlo by ray casting, Owen-scrambled Sobol points.
     Qmc {
         /// Rays per receiver.
@@ -42,6 +44,7 @@ impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Isolines { .. } => "isolines",
+            Self::Exact => "exact",
             Self::Qmc { .. } => "qmc",
         })
     }

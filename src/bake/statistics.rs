@@ -21,7 +21,8 @@ pub struct Statistics {
     pub integrate_seconds: f64,
     /// Mean number of contour edges a receiver sees.
     pub contours_per_receiver: f64,
-    /// Receivers at which the depth complexity turned negative somewhere: the bookkeeping failed there.
+    /// Receivers that raised an alarm: the depth complexity's bookkeeping, or another identity, failed there. All of them
+    /// were solved again; see `fallbacks`.
     pub depth_alarms: u64,
     /// Counters of work that was not needed, by name.
     pub skipped: BTreeMap<String, u64>,

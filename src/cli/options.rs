@@ -40,6 +40,8 @@ pub struct MethodOptions {
 enum MethodName {
     /// Octahedral isolines: analytic along one direction, no noise
     Isolines,
+    /// The visible region itself, closed forms over its boundary: no knob
+    Exact,
     /// Quasi-Monte Carlo by ray casting: the independent judge
     Qmc,
 }
@@ -52,6 +54,10 @@ impl MethodOptions {
             MethodName::Isolines if self.samples.is_some() => Err(stray("--samples", "isolines")),
             MethodName::Isolines if self.seed.is_some() => Err(stray("--seed", "isolines")),
             MethodName::Isolines => Ok(Method::Isolines { lines: self.isolines.unwrap_or(256) }),
+            MethodName::Exact if self.isolines.is_some() => Err(stray("--isolines", "exact")),
+            MethodName::Exact if self.samples.is_some() => Err(stray("--samples", "exact")),
+            MethodName::Exact if self.seed.is_some() => Err(stray("--seed", "exact")),
+            MethodName::Exact => Ok(Method::Exact),
             MethodName::Qmc if self.isolines.is_some() => Err(stray("--isolines", "qmc")),
             MethodName::Qmc => {
                 Ok(Method::Qmc { samples: self.samples.unwrap_or(1024), seed: self.seed.unwrap_or_default() })
@@ -67,6 +73,7 @@ pub fn provenance(method: Method) -> Provenance {
     let provenance = Provenance { command_line, ..Provenance::new(method.to_string()) };
     match method {
         Method::Isolines { lines } => provenance.with("isolines", lines),
+        Method::Exact => provenance,
         Method::Qmc { samples, seed } => provenance.with("samples", samples).with("seed", seed),
     }
 }

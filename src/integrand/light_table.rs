@@ -78,7 +78,7 @@ fn place(lines: usize, w: DVec3) -> (usize, f64) {
 
 /// What one receiver's visible intervals add up to.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct LightMoments([f64; 9]);
+pub struct LightMoments([[f64; 9]; 2]);
 
 impl LightMoments {
     /// Adds a visible interval of an isoline, which follow one another along the axis numbered `axis`.
@@ -87,11 +87,11 @@ impl LightMoments {
         let mut part = [0.0; 9];
         table.add(axis, arc, interval.to, 1.0, &mut part);
         table.add(axis, arc, interval.from, -1.0, &mut part);
-        self.0.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+        self.0[interval.line % 2].iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
     }
 
-    /// Vector irradiance of each colour: integral of L V w.
-    pub fn vectors(&self) -> [DVec3; 3] {
-        [0, 3, 6].map(|i| DVec3::from_slice(&self.0[i..i + 3]))
+    /// Vector irradiance of each colour, integral of L V w, over the isolines of even and of odd number.
+    pub fn vectors(&self) -> [[DVec3; 3]; 2] {
+        self.0.map(|sums| [0, 3, 6].map(|i| DVec3::from_slice(&sums[i..i + 3])))
     }
 }

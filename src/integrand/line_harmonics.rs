@@ -259,16 +259,19 @@ impl LineMoments {
         }
     }
 
-    /// Adds the integrals of all harmonics to `out` (`order^2` values) and forgets the intervals, whose isolines follow
-    /// one another along the axis numbered `axis`.
-    pub fn finish(&mut self, table: &LineHarmonics, axis: usize, out: &mut [f64]) {
+    /// Adds the integrals of all harmonics over the isolines of even and of odd number to the two of `out` (`order^2`
+    /// values each), and forgets the intervals, whose isolines follow one another along the axis numbered `axis`.
+    ///
+    /// Their sum is the integral; either set, doubled, is the integral with half as many isolines.
+    pub fn finish(&mut self, table: &LineHarmonics, axis: usize, out: [&mut [f64]; 2]) {
         let Axis { rows, coefficients } = &table.axes[axis];
         let terms = terms(table.order);
         for (row, block) in self.sums.chunks_mut(8 * terms).enumerate() {
             if !std::mem::take(&mut self.touched[row]) {
                 continue;
             }
-            for bit in [1, 2, 4] {
+            // Reflections along y and z; along x they lead from a line of one set to one of the other.
+            for bit in [2, 4] {
                 for octant in (0..8).filter(|octant| octant & bit == 0) {
                     for k in 0..terms {
                         let (a, b) = (block[octant * terms + k], block[(octant | bit) * terms + k]);
@@ -278,9 +281,13 @@ impl LineMoments {
                 }
             }
             let mut factors = &*rows[row].factors;
-            for (&(l, parity), out) in coefficients.iter().zip(&mut *out) {
+            let set = (rows.len() + row) % 2;
+            for (i, &(l, parity)) in coefficients.iter().enumerate() {
                 let (own, rest) = factors.split_at(l + 2);
-                *out += dot(own, group(table.order, &block[parity * terms..][..terms], l));
+                let side = |octant: usize| dot(own, group(table.order, &block[octant * terms..][..terms], l));
+                let sign = if parity & 1 == 0 { 1.0 } else { -1.0 };
+                out[set][i] += side(parity & 0b110);
+                out[1 - set][i] += sign * side(parity | 1);
                 factors = rest;
             }
             block.fill(0.0);
@@ -300,9 +307,10 @@ mod tests {
     fn integrate(table: &LineHarmonics, axis: usize, intervals: impl IntoIterator<Item = Interval>) -> Vec<f64> {
         let mut moments = LineMoments::new(table);
         intervals.into_iter().for_each(|interval| moments.add(table, interval));
-        let mut out = vec![0.0; table.order().len()];
-        moments.finish(table, axis, &mut out);
-        out
+        let mut sets = [(); 2].map(|()| vec![0.0; table.order().len()]);
+        let [even, odd] = &mut sets;
+        moments.finish(table, axis, [even, odd]);
+        sets[0].iter().zip(&sets[1]).map(|(even, odd)| even + odd).collect()
     }
 
     #[test]
@@ -378,17 +386,21 @@ mod tests {
     }
 
     #[test]
-    fn one_receiver_leaves_nothing_behind_for_the_next() {
+    fn one_receiver_leaves_nothing_behind_for_the_next_and_a_line_belongs_to_one_set() {
         let isolines = Isolines::new(4).unwrap();
         let table = LineHarmonics::new(Order::new(3).unwrap(), &isolines);
         let mut moments = LineMoments::new(&table);
-        let interval = Interval { line: 3, quadrant: 1, from: 0.2, to: 0.9 };
-        let [mut first, mut second] = [vec![0.0; 9], vec![0.0; 9]];
-        moments.add(&table, interval);
-        moments.finish(&table, 0, &mut first);
-        moments.add(&table, interval);
-        moments.finish(&table, 0, &mut second);
-        assert_eq!(first, second);
-        assert_ne!(first, vec![0.0; 9]);
+        for line in 0..4 {
+            let interval = Interval { line, quadrant: 1, from: 0.2, to: 0.9 };
+            let mut sets = [(); 4].map(|()| vec![0.0; 9]);
+            let [even, odd, even_again, odd_again] = &mut sets;
+            moments.add(&table, interval);
+            moments.finish(&table, 0, [even, odd]);
+            moments.add(&table, interval);
+            moments.finish(&table, 0, [even_again, odd_again]);
+            assert_eq!(sets[..2], sets[2..]);
+            assert_ne!(sets[line % 2], vec![0.0; 9]);
+            assert_eq!(sets[1 - line % 2], vec![0.0; 9]);
+        }
     }
 }

@@ -264,11 +264,6 @@ impl Crossings {
     pub(super) fn spine(&self, line: usize) -> i32 {
         self.spine[line]
     }
-
-    /// Number of crossings with the isolines.
-    pub(super) fn len(&self) -> usize {
-        self.keys.len()
-    }
 }
 
 /// Change of W along the spine, towards +u, when an arc with this jump passes it on the way to `to`.

@@ -93,13 +93,17 @@ impl Frame {
     /// another along the axis for which the horizon crosses them most steeply. Where it runs along them, all of it moves
     /// from one side of a line to the other at once, at an error of first order; in the chart its slopes dr/df are
     /// (|n_y| + |n_z|) / |n_x| and (|n_y| - |n_z|) / |n_x|.
-    pub fn facing(normal: Option<DVec3>) -> Self {
-        let Some(n) = normal else { return Self { axis: 0, turns: 0 } };
+    ///
+    /// There are three, one for each axis: `rank` 0 is the best, 1 and 2 are for a second look.
+    pub fn facing(normal: Option<DVec3>, rank: usize) -> Self {
+        let Some(n) = normal else { return Self { axis: rank as u8, turns: 0 } };
         let steepness = |axis: usize| {
             let n = cycle(n, axis).abs();
             (n.y - n.z).abs() / n.x
         };
-        let axis = (1..3).fold(0, |best, axis| if steepness(axis) > steepness(best) { axis } else { best });
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&a, &b| steepness(b).total_cmp(&steepness(a)));
+        let axis = axes[rank];
         let n = cycle(n, axis);
         let turns = match (n.z.abs() >= n.y.abs(), n.z >= 0.0, n.y >= 0.0) {
             (true, true, _) => 0,
@@ -201,7 +205,7 @@ mod tests {
         for k in 0..1000 {
             let k = k as f64;
             let n = DVec3::new((k * 0.7).sin(), (k * 1.3).cos(), (k * 2.1).sin()).normalize();
-            let turned = Frame::facing(Some(n)).apply(n);
+            let turned = Frame::facing(Some(n), 0).apply(n);
             assert!(turned.z >= turned.y.abs());
             let steepness = |n: DVec3| (n.z.abs() - n.y.abs()).abs() / n.x.abs();
             assert!((0..3).all(|axis| steepness(turned) >= steepness(cycle(n, axis))));

@@ -12,4 +12,4 @@ pub use contours::{Arc, ReceiverContours};
 pub(crate) use isolines::cycle;
 pub use isolines::{Frame, Isolines};
 pub use sweep::{Interval, Sweep};
-pub use view::{Receiver, Sight, View, Viewer};
+pub use view::{Receiver, Sight, View, Viewer, open_intervals};

@@ -2,7 +2,8 @@ use dual_bvh::{Candidates, Contours, DualBvh, Tile};
 use glam::DVec3;
 
 use super::crossings::Crossings;
-use super::depth::count_on_spine;
+use super::depth::{count_along, count_on_spine};
+use super::exact::{self, Region};
 use super::sweep::{Interval, Sweep, base_line, sweep};
 use super::{Frame, Isolines, ReceiverContours};
 use crate::scene::FaceTree;
@@ -25,8 +26,6 @@ pub struct Viewer<'a> {
     pub edges: &'a DualBvh,
     /// Finds the faces along a ray.
     pub faces: &'a FaceTree,
-    /// The isolines along which visibility is followed.
-    pub isolines: &'a Isolines,
 }
 
 /// How much of its hemisphere (or sphere) a receiver sees.
@@ -48,17 +47,13 @@ pub struct View {
     contours: Contours,
     projected: ReceiverContours,
     crossings: Crossings,
+    exact: exact::Scratch,
 }
 
 impl View {
     /// Contours that the last receiver had above its horizon.
     pub fn contours(&self) -> &ReceiverContours {
         &self.projected
-    }
-
-    /// Crossings of the last receiver's contours with the isolines.
-    pub fn crossings(&self) -> usize {
-        self.crossings.len()
     }
 }
 
@@ -71,30 +66,45 @@ impl Viewer<'_> {
         self.edges.search(&tile, &mut view.candidates);
     }
 
-    /// One receiver's life: from the candidates of its tile to the intervals of the isolines that it sees.
-    pub fn see(&self, receiver: Receiver, view: &mut View, visible: impl FnMut(Interval)) -> Sight {
+    /// Projects the contours of a receiver among those approached: the first step of either way to see.
+    pub fn face(&self, receiver: Receiver, view: &mut View) {
         let Receiver { position, normal, excluded } = receiver;
         view.candidates.contours(position, excluded, &mut view.contours);
         view.projected.project(&view.candidates, &view.contours, position, normal);
+    }
 
-        let frame = Frame::facing(normal);
-        let line = base_line(self.isolines, frame, normal);
-        let depth = count_on_spine(self.faces, self.isolines, frame, position, excluded, line);
+    /// What the receiver just faced sees along the isolines: their visible intervals.
+    pub fn follow(
+        &self,
+        isolines: &Isolines,
+        frame: Frame,
+        receiver: Receiver,
+        view: &mut View,
+        visible: impl FnMut(Interval),
+    ) -> Sight {
+        let Receiver { position, normal, excluded } = receiver;
+        let line = base_line(isolines, frame, normal);
+        let depth = count_on_spine(self.faces, isolines, frame, position, excluded, line);
         if view.projected.arcs.is_empty() {
             return if depth == 0 { Sight::Open } else { Sight::Enclosed };
         }
-
-        view.crossings.collect(self.isolines, frame, &view.projected);
-        Sight::Part(sweep(self.isolines, frame, &view.crossings, normal, (line, depth), visible))
+        view.crossings.collect(isolines, frame, &view.projected);
+        Sight::Part(sweep(isolines, frame, &view.crossings, normal, (line, depth), visible))
     }
 
-    /// The intervals of a receiver that sees everything above its horizon.
-    pub fn see_all(&self, normal: Option<DVec3>, visible: impl FnMut(Interval)) {
-        let mut nothing = Crossings::default();
-        let frame = Frame::facing(normal);
-        nothing.collect(self.isolines, frame, &ReceiverContours::default());
-        sweep(self.isolines, frame, &nothing, normal, (base_line(self.isolines, frame, normal), 0), visible);
+    /// What the receiver just faced sees, exactly: its visible region, solved in the chart numbered `frame`.
+    pub fn solve<'v>(&self, frame: u32, receiver: Receiver, view: &'v mut View) -> &'v Region {
+        let Receiver { position, normal, excluded } = receiver;
+        let depth = |w| count_along(self.faces, position, excluded, w);
+        exact::solve(&view.projected, normal, frame, depth, &mut view.exact)
     }
+}
+
+/// The intervals of a receiver that sees everything above its horizon.
+pub fn open_intervals(isolines: &Isolines, frame: Frame, normal: Option<DVec3>, visible: impl FnMut(Interval)) {
+    let mut nothing = Crossings::default();
+    nothing.collect(isolines, frame, &ReceiverContours::default());
+    sweep(isolines, frame, &nothing, normal, (base_line(isolines, frame, normal), 0), visible);
 }
 
 #[cfg(test)]
@@ -142,18 +152,20 @@ mod tests {
         let edges = DualBvh::build(welded.clone(), faces.clone(), &BuildOptions::default()).unwrap();
         let tree = FaceTree::new(welded, faces);
         let isolines = Isolines::new(14).unwrap();
-        let viewer = Viewer { edges: &edges, faces: &tree, isolines: &isolines };
+        let viewer = Viewer { edges: &edges, faces: &tree };
         let receiver = Receiver { position: p, normal, excluded: &[] };
         let mut view = View::default();
         viewer.approach(std::iter::once(receiver), &mut view);
         let mut intervals = Vec::new();
-        match viewer.see(receiver, &mut view, |interval| intervals.push(interval)) {
-            Sight::Open => viewer.see_all(normal, |interval| intervals.push(interval)),
+        viewer.face(receiver, &mut view);
+        let frame = Frame::facing(normal, 0);
+        match viewer.follow(&isolines, frame, receiver, &mut view, |interval| intervals.push(interval)) {
+            Sight::Open => open_intervals(&isolines, frame, normal, |interval| intervals.push(interval)),
             Sight::Enclosed => {}
             Sight::Part(sweep) => assert_eq!(sweep.depth_alarms, 0),
         }
         let triangles: Vec<_> = triangles.iter().map(|t| t.map(|x| x.as_dvec3())).collect();
-        let axis = Frame::facing(normal).axis();
+        let axis = frame.axis();
         for line in 0..isolines.len() {
             let u = isolines.u(line);
             for quadrant in 0..4 {

@@ -39,13 +39,14 @@ const ATTEMPTS: u32 = 8;
 /// The visible region of one receiver: within the hemisphere of `normal` (a unit vector), or on the full sphere.
 ///
 /// `depth` returns W in a direction, the number of surfaces its ray crosses, counted with the same signs of faces as the
-/// contours' jumps; it is asked twice, near the normal
-/// and for a check well away from all contours. Vertices at or below the horizon (`heights` <= 0) are cut off by it.
+/// contours' jumps; it is asked twice, near the normal and for a check well away from all contours. Another `frame` solves
+/// the same in another chart. Vertices at or below the horizon (`heights` <= 0) are cut off by it.
 /// The result depends on the input alone. Edges that rounding cannot tell apart, duplicate and collinear ones among them,
 /// are legal; what is not (a vertex whose jumps do not cancel, a zero direction) shows in [`Region::residuals`].
 pub fn solve<'a>(
     contours: &ReceiverContours,
     normal: Option<DVec3>,
+    frame: u32,
     depth: impl Fn(DVec3) -> i32,
     scratch: &'a mut Scratch,
 ) -> &'a Region {
@@ -53,7 +54,7 @@ pub fn solve<'a>(
     // A full sphere has no preferred direction: any pole will do.
     let axis = normal.unwrap_or(DVec3::Z);
     for attempt in 0.. {
-        let chart = Chart::new(axis, attempt);
+        let chart = Chart::new(axis, frame * ATTEMPTS + attempt);
         let is_last = attempt + 1 == ATTEMPTS;
         let filled = edges.fill(contours, normal, &chart, is_last);
         if filled.is_ok() {

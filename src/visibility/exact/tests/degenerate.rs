@@ -164,7 +164,7 @@ fn bad_contours_raise_the_alarm() {
     let good = contours(&random.soup(5, 1.5), DVec3::ZERO, None);
     let alarm = |contours: &ReceiverContours| {
         let mut scratch = Scratch::default();
-        solve(contours, None, |_| 0, &mut scratch).residuals().alarm()
+        solve(contours, None, 0, |_| 0, &mut scratch).residuals().alarm()
     };
     let mut cut = good.clone();
     cut.arcs.pop();
@@ -179,5 +179,5 @@ fn bad_contours_raise_the_alarm() {
     assert!(alarm(&flipped), "W below zero");
     let (mut scratch, calls) = (Scratch::default(), Cell::new(0));
     let one_then_none = |_| i32::from(calls.replace(calls.get() + 1) == 0);
-    assert!(solve(&good, None, one_then_none, &mut scratch).residuals().depth_mismatch != 0, "counts disagree");
+    assert!(solve(&good, None, 0, one_then_none, &mut scratch).residuals().depth_mismatch != 0, "counts disagree");
 }

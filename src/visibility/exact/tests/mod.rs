@@ -42,7 +42,7 @@ impl Answer {
 fn exact(triangles: &[Triangle], receiver: DVec3, normal: Option<DVec3>) -> Answer {
     let contours = contours(triangles, receiver, normal);
     let mut scratch = Scratch::default();
-    let region = solve(&contours, normal, |w| depth(triangles, receiver, w), &mut scratch);
+    let region = solve(&contours, normal, 0, |w| depth(triangles, receiver, w), &mut scratch);
     let mut harmonics = vec![0.0; order().len()];
     region.harmonics(order(), &mut harmonics);
     let residuals = *region.residuals();

@@ -1,0 +1,93 @@
+use glam::DVec3;
+
+use super::Request;
+use super::layout::Layout;
+use crate::Result;
+use crate::integrand;
+use crate::scene::Environment;
+use crate::sphere::Order;
+
+/// What a receiver sees, before it is turned into the arrays asked for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Seen {
+    /// Harmonics of V, clamped to the hemisphere, of [`Assembly::bands`].
+    pub(super) visibility: Vec<f64>,
+    /// Estimated absolute error of each of them.
+    pub(super) visibility_error: f64,
+    /// Integral of L V w per colour, under textured light.
+    pub(super) light: [DVec3; 3],
+    /// Estimated absolute error of each of its components.
+    pub(super) light_error: f64,
+}
+
+/// How what is asked for follows from what is seen.
+pub(super) struct Assembly<'a> {
+    order: Order,
+    /// Bands of visibility from which everything asked for follows; none, if only textured light is.
+    pub(super) bands: Option<Order>,
+    /// Radiance of an environment that is the same everywhere: its light follows from visibility.
+    even: Option<[f64; 3]>,
+    /// Any other environment.
+    pub(super) textured: Option<&'a Environment>,
+    layout: &'a Layout,
+}
+
+impl<'a> Assembly<'a> {
+    pub(super) fn new(environment: Option<&'a Environment>, request: &Request, layout: &'a Layout) -> Result<Self> {
+        let order = Order::new(request.order)?;
+        let even = environment.and_then(Environment::uniform).map(|radiance| radiance.as_dvec3().to_array());
+        // The cosine is a harmonic of band 1, so that occlusion, the bent normal and light from everywhere follow from two
+        // bands of visibility, and the transfer vector from one more than it has itself.
+        let wanted = [
+            (request.ambient_occlusion || request.bent_normal || even.is_some()).then_some(Order::new(2)?),
+            request.visibility_sh.then_some(order),
+            request.transfer_sh.then_some(order.raised()),
+        ];
+        let textured = environment.filter(|_| even.is_none());
+        Ok(Self { order, bands: wanted.into_iter().flatten().max(), even, textured, layout })
+    }
+
+    /// Fills a receiver's row.
+    pub(super) fn fill(&self, seen: &Seen, normal: Option<DVec3>, row: &mut [f64]) {
+        let Seen { visibility, visibility_error, light, light_error } = seen;
+        if let Some(out) = self.layout.slice("visibility_sh", row) {
+            out.copy_from_slice(&visibility[..out.len()]);
+        }
+        if let Some(out) = self.layout.slice("bent_normal", row) {
+            out.copy_from_slice(&integrand::bent_normal(visibility).to_array());
+        }
+        if let (Some(out), Some(normal)) = (self.layout.slice("ambient_occlusion", row), normal) {
+            out[0] = integrand::ambient_occlusion(visibility, normal);
+        }
+        if let (Some(out), Some(normal)) = (self.layout.slice("transfer_sh", row), normal) {
+            integrand::transfer(self.order, visibility, normal, out);
+        }
+        let (vectors, vector_error) = match self.even {
+            Some(radiance) => {
+                let moment = integrand::visible_moment(visibility);
+                let brightest = radiance.into_iter().fold(0.0, f64::max);
+                // Band 1 holds the moment times sqrt(3 / 4 pi).
+                (integrand::even_vector_irradiance(moment, radiance), brightest * visibility_error * 2.05)
+            }
+            None => (*light, *light_error),
+        };
+        if let Some(out) = self.layout.slice("vector_irradiance", row) {
+            out.copy_from_slice(vectors.map(|vector| vector.to_array()).as_flattened());
+        }
+        if let (Some(out), Some(normal)) = (self.layout.slice("irradiance", row), normal) {
+            out.copy_from_slice(&vectors.map(|vector| vector.dot(normal)));
+        }
+        // Each is a linear combination of harmonics or components: the factors are the largest such combinations.
+        for (name, error) in [
+            ("ambient_occlusion_error", visibility_error * 0.65),
+            ("visibility_sh_error", *visibility_error),
+            ("transfer_sh_error", visibility_error * 0.32),
+            ("irradiance_error", vector_error),
+            ("vector_irradiance_error", vector_error),
+        ] {
+            if let Some(out) = self.layout.slice(name, row) {
+                out.fill(error);
+            }
+        }
+    }
+}

@@ -1,0 +1,318 @@
+use std::sync::OnceLock;
+
+use dual_bvh::{BuildOptions, DualBvh};
+use glam::DVec3;
+
+use super::Method;
+use super::assembly::{Assembly, Seen};
+use super::integrate::{Baker, Counts};
+use super::layout::Layout;
+use super::{Receivers, Request};
+use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, LineMoments};
+use crate::reference::{self, PixelDistribution, Qmc, RayScene};
+use crate::scene::{Environment, FaceTree, Geometry};
+use crate::sphere::{self, Order};
+use crate::visibility::{Frame, Isolines, Receiver, Sight, View, Viewer, open_intervals};
+use crate::{Error, Result};
+
+/// Visibility by contours: along isolines or exactly, and each as the other's second opinion.
+///
+/// A receiver whose result raises an alarm is solved again in a rotated frame, then by the other method, then by rays.
+pub(super) struct Solver<'a> {
+    geometry: &'a Geometry,
+    edges: DualBvh,
+    faces: FaceTree,
+    method: Method,
+    assembly: Assembly<'a>,
+    layout: &'a Layout,
+    lines: OnceLock<Lines>,
+    region_light: OnceLock<LightRegion>,
+    rays: OnceLock<Rays>,
+}
+
+/// Tables of the isolines.
+struct Lines {
+    isolines: Isolines,
+    harmonics: Option<LineHarmonics>,
+    light: Option<LightTable>,
+}
+
+/// The last resort.
+struct Rays {
+    scene: RayScene,
+    bright: Option<PixelDistribution>,
+}
+
+/// A way to solve one receiver.
+#[derive(Clone, Copy)]
+enum Attempt {
+    Isolines { frame: usize },
+    Exact { frame: u32 },
+    Rays,
+}
+
+/// Isolines that serve as the exact method's second opinion.
+const SECOND_LINES: usize = 4096;
+/// Rays of the last resort.
+const LAST_RAYS: u32 = 1 << 16;
+
+/// Working memory of one thread.
+#[derive(Default)]
+pub(super) struct Memory {
+    view: View,
+    moments: Option<LineMoments>,
+    /// Harmonics over the isolines of even and of odd number.
+    sets: [Vec<f64>; 2],
+    seen: Seen,
+}
+
+impl<'a> Solver<'a> {
+    pub(super) fn new(
+        geometry: &'a Geometry,
+        environment: Option<&'a Environment>,
+        request: &Request,
+        layout: &'a Layout,
+        method: Method,
+    ) -> Result<Self> {
+        let solver = Self {
+            geometry,
+            edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
+            faces: FaceTree::new(geometry.positions.clone(), geometry.triangles.clone()),
+            method,
+            assembly: Assembly::new(environment, request, layout)?,
+            layout,
+            lines: OnceLock::new(),
+            region_light: OnceLock::new(),
+            rays: OnceLock::new(),
+        };
+        // What the method itself needs is built now, what only a second opinion needs when it is asked for.
+        match method {
+            Method::Isolines { lines } => {
+                let isolines = Isolines::new(lines as usize)?;
+                solver.lines.get_or_init(|| Lines::new(isolines, &solver.assembly));
+            }
+            Method::Exact => {
+                solver.region_light();
+            }
+            Method::Qmc { .. } => unreachable!("rays need no contours"),
+        }
+        Ok(solver)
+    }
+
+    fn viewer(&self) -> Viewer<'_> {
+        Viewer { edges: &self.edges, faces: &self.faces }
+    }
+
+    fn region_light(&self) -> Option<&LightRegion> {
+        let environment = self.assembly.textured?;
+        Some(self.region_light.get_or_init(|| LightRegion::new(environment)))
+    }
+
+    /// The attempts on one receiver, in order; the last one always succeeds.
+    fn attempts(&self) -> [Attempt; 4] {
+        match self.method {
+            Method::Exact => [
+                Attempt::Exact { frame: 0 },
+                Attempt::Exact { frame: 1 },
+                Attempt::Isolines { frame: 0 },
+                Attempt::Rays,
+            ],
+            _ => [
+                Attempt::Isolines { frame: 0 },
+                Attempt::Isolines { frame: 1 },
+                Attempt::Exact { frame: 0 },
+                Attempt::Rays,
+            ],
+        }
+    }
+
+    /// Everything asked for at one receiver of the tile that `memory.view` approached.
+    fn receiver(&self, index: usize, receiver: Receiver, row: &mut [f64], memory: &mut Memory) -> Result<Counts> {
+        let mut counts = Counts::default();
+        self.viewer().face(receiver, &mut memory.view);
+        counts.contours = memory.view.contours().arcs.len() as u64;
+        for (number, attempt) in self.attempts().into_iter().enumerate() {
+            let alarm = match attempt {
+                Attempt::Isolines { frame } => self.along_isolines(frame, receiver, memory, &mut counts),
+                Attempt::Exact { frame } => self.exactly(frame, receiver, memory, &mut counts),
+                Attempt::Rays => self.by_rays(index, receiver, &mut memory.seen)?,
+            };
+            if !alarm {
+                counts.depth_alarms = u64::from(number > 0);
+                if let Some(fallback) = number.checked_sub(1) {
+                    counts.fallbacks[fallback] = 1;
+                }
+                break;
+            }
+        }
+        self.assembly.fill(&memory.seen, receiver.normal, row);
+        match row.iter().all(|value| value.is_finite()) {
+            true => Ok(counts),
+            false => Err(Error::input(format!("receiver {index}: no method gives a finite result; this is a bug"))),
+        }
+    }
+
+    /// Solves along isolines; returns whether an alarm fired.
+    fn along_isolines(&self, frame: usize, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
+        let lines = self.lines.get_or_init(|| {
+            let isolines = Isolines::new(SECOND_LINES).expect("the number of isolines is a constant");
+            Lines::new(isolines, &self.assembly)
+        });
+        let frame = Frame::facing(receiver.normal, frame);
+        let Memory { view, moments, sets, seen } = memory;
+        let mut harmonics = lines.harmonics.as_ref().map(|table| {
+            let moments = moments.get_or_insert_with(|| LineMoments::new(table));
+            (table, moments)
+        });
+        let mut light = lines.light.as_ref().map(|table| (table, LightMoments::default()));
+
+        let sight = self.viewer().follow(&lines.isolines, frame, receiver, view, |interval| {
+            if let Some((table, moments)) = &mut harmonics {
+                moments.add(table, interval);
+            }
+            if let Some((table, moments)) = &mut light {
+                moments.add(table, frame.axis(), interval);
+            }
+        });
+
+        counts.open += u64::from(sight == Sight::Open);
+        counts.enclosed += u64::from(sight == Sight::Enclosed);
+        if let Some((table, moments)) = harmonics {
+            seen.visibility.clear();
+            seen.visibility.resize(table.order().len(), 0.0);
+            seen.visibility_error = ROUNDING;
+            match sight {
+                Sight::Open => open_sky(table.order(), receiver.normal, &mut seen.visibility),
+                Sight::Enclosed => {}
+                Sight::Part(_) => {
+                    for set in &mut *sets {
+                        set.clear();
+                        set.resize(table.order().len(), 0.0);
+                    }
+                    let [even, odd] = &mut *sets;
+                    moments.finish(table, frame.axis(), [even, odd]);
+                    for (sum, (even, odd)) in seen.visibility.iter_mut().zip(even.iter().zip(&*odd)) {
+                        *sum = even + odd;
+                    }
+                    let difference = even.iter().zip(&*odd).map(|(even, odd)| (even - odd).powi(2)).sum::<f64>();
+                    seen.visibility_error += NESTED * (difference / even.len() as f64).sqrt();
+                }
+            }
+        }
+        if let Some((table, mut moments)) = light {
+            if sight == Sight::Open {
+                open_intervals(&lines.isolines, frame, receiver.normal, |interval| {
+                    moments.add(table, frame.axis(), interval);
+                });
+            }
+            let [even, odd] = moments.vectors();
+            seen.light = [0, 1, 2].map(|colour| even[colour] + odd[colour]);
+            let difference: f64 = even.iter().zip(&odd).map(|(even, odd)| even.distance_squared(*odd)).sum();
+            let scale: f64 = seen.light.iter().map(|light| light.length()).sum();
+            seen.light_error = NESTED * (difference / 9.0).sqrt() + ROUNDING * scale;
+        }
+        matches!(sight, Sight::Part(sweep) if sweep.depth_alarms > 0)
+    }
+
+    /// Solves exactly; returns whether an alarm fired.
+    fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
+        let Memory { view, seen, .. } = memory;
+        let has_contours = !view.contours().arcs.is_empty();
+        let region = self.viewer().solve(frame, receiver, view);
+        let residuals = region.residuals();
+        if !has_contours {
+            counts.open += u64::from(region.solid_angle() > 0.0);
+            counts.enclosed += u64::from(region.solid_angle() == 0.0);
+        }
+        let rounding = ROUNDING * (1.0 + (region.boundary().len() as f64).sqrt());
+        let missed = residuals.closure + residuals.gap + residuals.negative.abs();
+        if let Some(bands) = self.assembly.bands {
+            seen.visibility.clear();
+            seen.visibility.resize(bands.len(), 0.0);
+            region.harmonics(bands, &mut seen.visibility);
+            // Two ways to the same number: band 1 by the recurrence, and Lambert's sum.
+            let lambert = (bands.bands() > 1)
+                .then(|| crate::integrand::visible_moment(&seen.visibility).distance(region.vector_area()));
+            // A harmonic of band l is at most sqrt((2l + 1) / 4 pi), and its gradient l times that.
+            let steepest = (bands.bands() as f64).powf(1.5) * 0.4;
+            seen.visibility_error = rounding + steepest * missed + lambert.unwrap_or(0.0);
+        }
+        if let Some(light) = self.region_light() {
+            let (vectors, error) = light.vectors(region.boundary(), region.solid_angle());
+            let scale: f64 = vectors.iter().map(|light| light.length()).sum();
+            seen.light = vectors;
+            seen.light_error = error + (rounding + missed) * scale;
+        }
+        let is_finite = seen.visibility.iter().all(|v| v.is_finite()) && seen.light.iter().all(|v| v.is_finite());
+        residuals.alarm() || !is_finite
+    }
+
+    /// Solves by rays, which raise no alarm.
+    fn by_rays(&self, index: usize, receiver: Receiver, seen: &mut Seen) -> Result<bool> {
+        let environment = self.assembly.textured;
+        if self.rays.get().is_none() {
+            let bright = environment.map(PixelDistribution::of).transpose()?;
+            // Whoever comes second finds the same built.
+            let _ = self.rays.set(Rays { scene: RayScene::new(self.geometry), bright });
+        }
+        let Some(rays) = self.rays.get() else { unreachable!("it has just been set") };
+        let radiance = environment.map(|light| move |w: DVec3| light.radiance(w).as_dvec3().to_array());
+        let request = reference::Request {
+            visibility_sh: self.assembly.bands,
+            vector_irradiance: radiance.is_some(),
+            light: radiance.as_ref().map(|radiance| reference::Light { radiance, distribution: rays.bright.as_ref() }),
+            ..reference::Request::default()
+        };
+        let columns = request.columns();
+        let (mut values, mut errors) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
+        let qmc = Qmc { samples: LAST_RAYS, seed: 0 };
+        qmc.integrate_one(&rays.scene, index, &receiver, &request, &mut values, &mut errors)?;
+        let worst = |range: std::ops::Range<usize>| 4.0 * errors[range].iter().fold(0.0f64, |worst, e| worst.max(*e));
+        seen.visibility.clear();
+        seen.visibility.extend_from_slice(&values[columns.visibility_sh.clone()]);
+        seen.visibility_error = ROUNDING + worst(columns.visibility_sh.clone());
+        if radiance.is_some() {
+            let light = &values[columns.vector_irradiance.clone()];
+            seen.light = [0, 3, 6].map(|at| DVec3::from_slice(&light[at..at + 3]));
+            seen.light_error = worst(columns.vector_irradiance);
+        }
+        Ok(false)
+    }
+}
+
+/// Rounding of an exact result: a few units in the last place of a sum of order one.
+const ROUNDING: f64 = 4e-15;
+
+/// From the difference of two interleaved sets of isolines to the error of their sum, calibrated on random scenes.
+const NESTED: f64 = 1.0;
+
+impl Lines {
+    fn new(isolines: Isolines, assembly: &Assembly) -> Self {
+        Self {
+            harmonics: assembly.bands.map(|bands| LineHarmonics::new(bands, &isolines)),
+            light: assembly.textured.map(|environment| LightTable::new(&isolines, environment)),
+            isolines,
+        }
+    }
+}
+
+impl Baker for Solver<'_> {
+    type Memory = Memory;
+
+    fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Memory) -> Result<Counts> {
+        self.viewer().approach(tile.iter().map(|&index| receivers.get(index as usize)), &mut memory.view);
+        let mut counts = Counts { shared_searches: tile.len() as u64 - 1, ..Counts::default() };
+        for (&index, row) in tile.iter().zip(rows.chunks_exact_mut(self.layout.width)) {
+            counts += self.receiver(index as usize, receivers.get(index as usize), row, memory)?;
+        }
+        Ok(counts)
+    }
+}
+
+/// Harmonics of a receiver that sees all of its hemisphere, or of a probe that sees the whole sphere.
+fn open_sky(order: Order, normal: Option<DVec3>, out: &mut [f64]) {
+    match normal {
+        Some(normal) => out.copy_from_slice(&sphere::hemisphere(order, normal)),
+        None => out[0] = (4.0 * std::f64::consts::PI).sqrt(),
+    }
+}
