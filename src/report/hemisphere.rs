@@ -117,9 +117,8 @@ mod tests {
                 assert_eq!(disc.pixel(w), Some((i % SIZE, i / SIZE)));
                 Some(w)
             });
-            let (count, cap) = inside.fold((0, 0), |(count, cap), w| {
-                (count + 1, cap + u32::from(w.dot(normal.unwrap_or(DVec3::Z)) > 0.5))
-            });
+            let (count, cap) = inside
+                .fold((0, 0), |(count, cap), w| (count + 1, cap + u32::from(w.dot(normal.unwrap_or(DVec3::Z)) > 0.5)));
             // A cap of 60 degrees is half a hemisphere.
             let expected = if normal.is_some() { 0.5 } else { 0.25 };
             assert!((f64::from(cap) / f64::from(count) - expected).abs() < 2e-3);

@@ -1,9 +1,7 @@
 use glam::{DMat3, DVec3, Vec3};
 
 use super::invariance::invariances;
-use super::pieces::{
-    Triangle, ball, boxes, cuboid, floating, grid, knot, moved, placed, polygon, scene, soup, split,
-};
+use super::pieces::{Triangle, ball, boxes, cuboid, floating, grid, knot, moved, placed, polygon, scene, soup, split};
 use super::{Case, Term, Truth, at_random, closed};
 use crate::Result;
 use crate::bake::Receivers;
@@ -51,12 +49,14 @@ fn receivers(many: usize) -> Result<Vec<Case>> {
         case("on corners, edges and faces of a box", &cube, outwards.clone(), Truth::Known(closed::open(&outwards)))?,
         case("on them, looking into the box", &cube, on_cube(-1.0), Truth::Rays)?,
     ];
-    let vertices = Receivers::vertices(&scene(&rooms)?).0;
+    let vertices = Receivers::vertices(&*scene(&rooms)?).0;
     cases.push(case("on vertices of overlapping boxes", &rooms, vertices, Truth::Rays)?);
 
     // Tiles in the plane y = 0 around a hole, wound either way, and a far one; receivers in the hole, on the tiles' edges'
     // extensions among them, and on the tiles.
-    let tile = |x: i32, z: i32, size: i32| [grid(x, 0, z), grid(x, 0, z + size), grid(x + size, 0, z + size), grid(x + size, 0, z)];
+    let tile = |x: i32, z: i32, size: i32| {
+        [grid(x, 0, z), grid(x, 0, z + size), grid(x + size, 0, z + size), grid(x + size, 0, z)]
+    };
     let mut tiles = Vec::new();
     for (k, (x, z)) in [(-24, -8), (-8, -24), (8, -8), (-8, 8), (800_000, 0)].into_iter().enumerate() {
         let mut corners = tile(x, z, 16);
@@ -67,11 +67,11 @@ fn receivers(many: usize) -> Result<Vec<Case>> {
     }
     let places = [(0.0, 0.0), (0.25, 0.125), (-0.25, 0.5), (0.5, 0.5), (1.0, 0.0), (1.0, 0.25), (0.5, -0.75)];
     let coplanar = [DVec3::Y, -DVec3::Y].into_iter().flat_map(|n| places.map(|(x, z)| (DVec3::new(x, 0.0, z), n)));
-    let coplanar = Receivers::points(coplanar).on_surface(&scene(&tiles)?);
+    let coplanar = Receivers::points(coplanar).on_surface(&*scene(&tiles)?);
     let open = Truth::Known(closed::open(&coplanar));
     cases.push(case("in the plane of other faces", &tiles, coplanar, open)?);
     let aslant = places.map(|(x, z)| (DVec3::new(x, 0.0, z), DVec3::new(0.6, 0.0, 0.8)));
-    let aslant = Receivers::points(aslant).on_surface(&scene(&tiles)?);
+    let aslant = Receivers::points(aslant).on_surface(&*scene(&tiles)?);
     let open = Truth::Known(closed::open(&aslant));
     cases.push(case("seeing faces edge-on", &tiles, aslant, open)?);
 
@@ -80,9 +80,9 @@ fn receivers(many: usize) -> Result<Vec<Case>> {
     let standing = [floor, cuboid(grid(-16, 0, -16), grid(16, 16, 16))].concat();
     let foot = [(-1.0, -1.0), (-1.0, 0.0), (1.0, 0.25), (0.0, 1.0), (1.5, 0.0), (0.0, 0.0), (1.0, 2.0), (-4.0, -4.0)];
     let touching = foot.map(|(x, z)| (DVec3::new(x, 0.0, z), DVec3::Y));
-    let touching = Receivers::points(touching).on_surface(&scene(&standing)?);
+    let touching = Receivers::points(touching).on_surface(&*scene(&standing)?);
     cases.push(case("where a box touches a floor", &standing, touching, Truth::Rays)?);
-    let vertices = Receivers::vertices(&scene(&standing)?).0;
+    let vertices = Receivers::vertices(&*scene(&standing)?).0;
     cases.push(case("on vertices that touch a floor", &standing, vertices, Truth::Rays)?);
 
     let solid = [cube.clone(), ball(grid(3, -2, 1), 5.0)?].concat();
@@ -118,7 +118,8 @@ fn faces(many: usize) -> Result<Vec<Case>> {
         let mut receivers = floating(random, many.max(5), 1.0);
         receivers.positions.iter_mut().for_each(|p| p.y = p.y.min(0.5));
         // In line with corners, sides and the middle, looking along axes.
-        for (k, (x, z)) in [(-1.0, -0.75), (0.0, -0.75), (0.0, 0.25), (-1.0, 0.0), (2.0, 0.25)].into_iter().enumerate() {
+        for (k, (x, z)) in [(-1.0, -0.75), (0.0, -0.75), (0.0, 0.25), (-1.0, 0.0), (2.0, 0.25)].into_iter().enumerate()
+        {
             receivers.positions[k] = DVec3::new(x, 0.0, z);
             receivers.normals[k] = DVec3::Y;
         }
@@ -136,8 +137,7 @@ fn faces(many: usize) -> Result<Vec<Case>> {
     let finer: Vec<Triangle> = fan.iter().flat_map(split).collect();
     // One side cut at its eighths, the other triangle left whole.
     let cuts: Vec<Vec3> = (0..=8).map(|k| a.lerp(b, k as f32 / 8.0)).collect();
-    let t_junctions: Vec<Triangle> =
-        cuts.windows(2).map(|pair| [c, pair[0], pair[1]]).chain([[a, c, d]]).collect();
+    let t_junctions: Vec<Triangle> = cuts.windows(2).map(|pair| [c, pair[0], pair[1]]).chain([[a, c, d]]).collect();
     // A square with a side at x = 0, where coordinates are fine enough for a triangle of height 1.5e-8 beside that side.
     let shifted = square.map(|p| p + Vec3::X);
     let slivers: Vec<Triangle> = {
@@ -163,8 +163,7 @@ fn faces(many: usize) -> Result<Vec<Case>> {
     cases.push(of_polygon("slivers of aspect 1e8", &shifted, &slivers)?);
 
     // Copies at growing distances, all with the same silhouette from the origin.
-    let deep: Vec<Triangle> =
-        (0..128).flat_map(|k| moved(&fan, |p| p * (1.0 + k as f32 / 64.0))).collect();
+    let deep: Vec<Triangle> = (0..128).flat_map(|k| moved(&fan, |p| p * (1.0 + k as f32 / 64.0))).collect();
     let origin = [DVec3::Y, DVec3::new(0.6, 0.8, 0.0), DVec3::new(-0.48, 0.6, 0.64)].map(|n| (DVec3::ZERO, n));
     let origin = Receivers::points(origin);
     let truth = Truth::Known(closed::rows(&origin, &[&corners(&square)]));
@@ -181,7 +180,8 @@ fn faces(many: usize) -> Result<Vec<Case>> {
 
     // Octants: corners on the poles of every chart, edges on its octants' boundaries.
     let axes = [Vec3::X, Vec3::Y, Vec3::Z];
-    for (name, signs) in [("vertices on the poles", [1.0, 1.0, 1.0]), ("vertices on negative poles", [-1.0, -1.0, 1.0])] {
+    for (name, signs) in [("vertices on the poles", [1.0, 1.0, 1.0]), ("vertices on negative poles", [-1.0, -1.0, 1.0])]
+    {
         let octant: [Vec3; 3] = std::array::from_fn(|k| signs[k] * axes[k]);
         let normals = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, DVec3::ONE.normalize(), DVec3::new(0.0, 0.6, -0.8)];
         let origin = Receivers::points(normals.map(|n| (DVec3::ZERO, n)));
@@ -227,7 +227,7 @@ fn many_faces(many: usize) -> Result<Vec<Case>> {
             [Vec3::ZERO, Vec3::Y, Vec3::new(c, 0.5, s)]
         };
         let book: Vec<Triangle> = (0..pages).map(page).collect();
-        let receivers = at_random(&scene(&book)?, many, 6 + pages as u64);
+        let receivers = at_random(&*scene(&book)?, many, 6 + pages as u64);
         cases.push(case(&format!("an edge of {pages} faces"), &book, receivers, Truth::Rays)?);
     }
 

@@ -52,10 +52,8 @@ pub(super) fn invariances(many: usize) -> Result<Vec<Case>> {
         cases.push(case(name, &turned, placed(&receivers, |p| matrix * p, turn), truth)?);
     }
 
-    let mut relabelled: Vec<Triangle> = clutter
-        .iter()
-        .map(|&[a, b, c]| if random.unit() < 0.5 { [b, c, a] } else { [c, b, a] })
-        .collect();
+    let mut relabelled: Vec<Triangle> =
+        clutter.iter().map(|&[a, b, c]| if random.unit() < 0.5 { [b, c, a] } else { [c, b, a] }).collect();
     for i in (1..relabelled.len()).rev() {
         relabelled.swap(i, (random.unit() * (i + 1) as f64) as usize);
     }

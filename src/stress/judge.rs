@@ -114,7 +114,8 @@ fn fill(case: &Case, method: Method, settings: Settings, control: &dyn Control, 
     }
     if let Some(first) = wrong.first() {
         let receiver = row.receiver.map(|index| receivers.get(index));
-        let place = receiver.map_or_else(String::new, |r| format!("; receiver at {:?}, normal {:?}", r.position, r.normal));
+        let place =
+            receiver.map_or_else(String::new, |r| format!("; receiver at {:?}, normal {:?}", r.position, r.normal));
         row.verdict = Verdict::Bad(format!("{} wrong: {first}{place}", wrong.len()));
     }
     Ok(())
@@ -232,7 +233,11 @@ fn ask_rays(
                 Rays { difference: (values[place] - value).abs(), allowed }
             })
             .fold(Rays { difference: 0.0, allowed: f64::INFINITY }, |worst, one| {
-                if one.difference * worst.allowed > worst.difference * one.allowed || one.difference.is_nan() { one } else { worst }
+                if one.difference * worst.allowed > worst.difference * one.allowed || one.difference.is_nan() {
+                    one
+                } else {
+                    worst
+                }
             });
         if worst.difference <= worst.allowed || samples >= settings.most_samples {
             return Ok(worst);

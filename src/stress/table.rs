@@ -71,7 +71,11 @@ impl fmt::Display for Table {
         let (receivers, alarms, fallbacks) =
             (sum(|row| row.receivers as u64), sum(|row| row.alarms), sum(|row| row.fallbacks));
         let bad = self.0.iter().filter(|row| row.verdict != Verdict::Good).count();
-        writeln!(f, "{:<width$}  {:<8} {receivers:>10} {alarms:>7} {fallbacks:>10} {:>12}  {bad} bad", "total", "", "")?;
+        writeln!(
+            f,
+            "{:<width$}  {:<8} {receivers:>10} {alarms:>7} {fallbacks:>10} {:>12}  {bad} bad",
+            "total", "", ""
+        )?;
         for row in &self.0 {
             if let Verdict::Bad(why) = &row.verdict {
                 writeln!(f, "{}, {}: {why}", row.case, row.method)?;
