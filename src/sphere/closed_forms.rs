@@ -59,7 +59,13 @@ pub fn polygon_harmonics(order: Order, corners: &[DVec3], n: Option<DVec3>) -> V
             Some(BoundaryArc { start: a.normalize(), end: b.normalize(), normal })
         })
         .collect();
-    region_harmonics(order, &arcs, polygon_solid_angle(&part), &mut harmonics);
+    // By Girard's theorem, whose angles are well-conditioned where the receiver all but lies on the polygon.
+    let turns = (0..arcs.len()).map(|k| {
+        let (from, to) = (arcs[k], arcs[(k + 1) % arcs.len()]);
+        to.start.dot(from.normal.cross(to.normal)).atan2(from.normal.dot(to.normal))
+    });
+    let solid_angle = 2.0 * PI - turns.sum::<f64>();
+    region_harmonics(order, &arcs, solid_angle, &mut harmonics);
     harmonics
 }
 
