@@ -1,10 +1,14 @@
 //! The command line as a user meets it: exit codes, one clear line, nothing left behind.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 use glam::DVec3;
-use silhouette::bake::{Array, Arrays, Baked, BakedVertices, Provenance, writers};
+use silhouette::bake::{
+    Array, Arrays, Baked, BakedVertices, Method, Provenance, Receivers, Request, integrate, writers,
+};
+use silhouette::scene::{Environment, Scene, UpAxis};
 
 /// Runs the binary in `folder`.
 fn silhouette(folder: &Path, arguments: &str) -> Output {
@@ -135,4 +139,357 @@ fn compare_prints_draws_and_judges() {
     bytes.truncate(200);
     std::fs::write(folder.join("cut.npz"), bytes).unwrap();
     assert!(fails(folder, "compare cut.npz b.npz", 1).contains("cut.npz: not a NumPy archive, or truncated"));
+}
+
+/// Names of all that is in a folder, sorted.
+fn listing(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// A tetrahedron over a triangle.
+const SOLID: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n\
+    v -3 -3 -0.5\nv 3 -3 -0.5\nv 0 4 -0.5\nf 5 6 7\n";
+
+/// An environment in which each pixel differs.
+fn environment(path: &Path) {
+    exr::prelude::write_rgb_file(path, 8, 4, |x, y| (1.0 + x as f32, y as f32, 0.5)).unwrap();
+}
+
+/// A binary PLY of one triangle, with a coordinate and an index to spoil.
+fn binary_ply(corner: f32, index: u32) -> Vec<u8> {
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                  property float z\nelement face 1\nproperty list uchar uint vertex_indices\nend_header\n";
+    let mut bytes = header.as_bytes().to_vec();
+    for x in [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, corner, 0.0f32] {
+        bytes.extend(x.to_le_bytes());
+    }
+    bytes.push(3);
+    for i in [0, 1, index] {
+        bytes.extend(i.to_le_bytes());
+    }
+    bytes
+}
+
+#[test]
+fn bad_files_give_one_line_and_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).unwrap();
+    write("good.obj", TRIANGLE.as_bytes());
+    environment(&folder.join("good.exr"));
+    let good_exr = std::fs::read(folder.join("good.exr")).unwrap();
+    let good_ply = binary_ply(1.0, 2);
+    for (name, bytes) in [
+        ("empty.obj", &b""[..]),
+        ("faceless.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"),
+        ("nan.obj", b"v 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n"),
+        ("huge.obj", b"v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 4\n"),
+        ("cut.obj", b"v 0 0 0\nv 1 0 0\nv 0 1\nf 1 2 3\n"),
+        ("empty.ply", b""),
+        ("cut.ply", &good_ply[..good_ply.len() - 6]),
+        ("nan.ply", &binary_ply(f32::NAN, 2)),
+        ("beyond.ply", &binary_ply(1.0, 3)),
+        ("empty.glb", b""),
+        ("cut.glb", b"glTF\x02\x00\x00\x00\xff\x00\x00\x00"),
+        ("cut.gltf", b"{\"asset\": {\"version\": \"2.0\"}, "),
+        ("mesh.stl", b"solid\n"),
+        ("empty.txt", b""),
+        ("nan.txt", b"0 0 0 0 0 1\n0 0 nan 0 0 1\n"),
+        ("zero.txt", b"0 0 1 0 0 0\n"),
+        ("long.txt", b"0 0 1 0 0 1\n\n0 0 1 0 0 1.01\n"),
+        ("five.txt", b"0 0 1 0 0\n"),
+        ("cut.npy", b"\x93NUMPY\x01\x00\x76\x00{'descr'"),
+        ("empty.exr", b""),
+        ("cut.exr", &good_exr[..good_exr.len() / 2]),
+        ("text.exr", b"not an image"),
+        ("empty.hdr", b""),
+        ("cut.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\x01"),
+        ("sky.png", b"\x89PNG"),
+        ("unknown.toml", b"[[mesh]]\nshape.teapot = {}\ncolour = 3\n"),
+        ("malformed.toml", b"[[mesh]\n"),
+        ("light.toml", b"[[mesh]]\nfile = \"good.obj\"\n[environment]\nfile = \"cut.exr\"\n"),
+        ("mesh.toml", b"[[mesh]]\nfile = \"nan.obj\"\n"),
+        ("later.toml", b"[[mesh]]\nfile = \"gone.obj\"\n"),
+    ] {
+        write(name, bytes);
+    }
+    let before = listing(folder);
+    for (arguments, part) in [
+        ("integrate missing.obj -o out.npz", "missing.obj: No such file"),
+        ("integrate good.obj empty.obj -o out.npz", "empty.obj: "),
+        ("integrate faceless.obj -o out.npz", "faceless.obj: "),
+        ("integrate nan.obj -o out.npz", "nan.obj:2: "),
+        ("integrate huge.obj -o out.npz", "huge.obj:2: "),
+        ("integrate beyond.obj -o out.npz", "beyond.obj:5: "),
+        ("integrate cut.obj -o out.npz", "cut.obj:3: "),
+        ("integrate empty.ply -o out.npz", "empty.ply"),
+        ("integrate cut.ply -o out.npz", "cut.ply: "),
+        ("integrate nan.ply -o out.npz", "nan.ply: "),
+        ("integrate beyond.ply -o out.npz", "beyond.ply: "),
+        ("integrate empty.glb -o out.npz", "empty.glb: "),
+        ("integrate cut.glb -o out.npz", "cut.glb: "),
+        ("bake cut.gltf -o out.npz", "cut.gltf: "),
+        ("bake mesh.stl -o out.npz", "mesh.stl: not a mesh by its extension"),
+        ("integrate good.obj --points missing.txt -o out.npz", "missing.txt: No such file"),
+        ("integrate good.obj --points empty.txt -o out.npz", "empty.txt: no points"),
+        ("integrate good.obj --points nan.txt -o out.npz", "nan.txt:2: NaN is not finite"),
+        ("integrate good.obj --points zero.txt -o out.npz", "zero.txt:1: the normal is zero"),
+        ("integrate good.obj --points long.txt -o out.npz", "long.txt:3: the normal has length 1.01"),
+        ("integrate good.obj --points five.txt -o out.npz", "five.txt:1: 5 columns"),
+        ("integrate good.obj --points cut.npy -o out.npz", "cut.npy: "),
+        ("integrate good.obj --environment missing.exr -o out.npz", "missing.exr: "),
+        ("integrate good.obj --environment empty.exr -o out.npz", "empty.exr: "),
+        ("integrate good.obj --environment cut.exr -o out.npz", "cut.exr: "),
+        ("render good.obj --environment text.exr -o out.png", "text.exr: "),
+        ("render good.obj --environment empty.hdr -o out.exr", "empty.hdr: "),
+        ("render good.obj --environment cut.hdr -o out.exr", "cut.hdr: "),
+        ("integrate good.obj --environment sky.png -o out.npz", "sky.png: not an environment by its extension"),
+        ("inspect cut.exr -o out.png", "cut.exr: "),
+        ("bake unknown.toml -o out.glb", "unknown.toml:3: unknown field `colour`"),
+        ("bake malformed.toml -o out.ply", "malformed.toml:1: "),
+        ("bake light.toml -o out.exr", "cut.exr: "),
+        ("render mesh.toml -o out.png", "nan.obj:2: "),
+        ("inspect later.toml -o out.png", "gone.obj: No such file"),
+        ("bake missing.toml -o out.npz --preview out.png", "missing.toml: No such file"),
+        ("bake nowhere -o out.npz", "no built-in scene is called `nowhere`"),
+    ] {
+        let text = fails(folder, arguments, 1);
+        assert!(text.starts_with("error: ") && text.contains(part), "{arguments}: {text}");
+        assert!(text.ends_with('\n') && text.lines().count() == 1, "{arguments}: {text}");
+        assert_eq!(listing(folder), before, "{arguments}");
+    }
+    // An earlier result stays as it was.
+    write("out.npz", b"earlier");
+    fails(folder, "integrate good.obj --points zero.txt -o out.npz", 1);
+    assert_eq!(std::fs::read(folder.join("out.npz")).unwrap(), b"earlier");
+}
+
+#[test]
+fn integrate_keeps_its_contract() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("solid.obj"), SOLID).unwrap();
+    std::fs::write(folder.join("points.csv"), "0.2,0.2,2,0,0,1\n-1,-1,-0.2,0,0,1\n0.1,0.1,0.1,1,0,0\n2,2,1,0,-1,0\n")
+        .unwrap();
+    environment(&folder.join("sky.exr"));
+    let points = [
+        (DVec3::new(0.2, 0.2, 2.0), DVec3::Z),
+        (DVec3::new(-1.0, -1.0, -0.2), DVec3::Z),
+        (DVec3::splat(0.1), DVec3::X),
+        (DVec3::new(2.0, 2.0, 1.0), DVec3::NEG_Y),
+    ];
+    for (method, options) in [("isolines", "--isolines 64"), ("qmc", "--method qmc --samples 128")] {
+        succeeds(
+            folder,
+            &format!(
+                "integrate solid.obj --points points.csv --order 3 --environment sky.exr --up z --rotation 20 {options} \
+                 --threads 2 --stats stats.json -o out.npz"
+            ),
+        );
+        let archive = writers::npz::read(&folder.join("out.npz")).unwrap();
+        let shapes: Vec<(&str, &[usize])> = archive
+            .arrays
+            .iter()
+            .filter(|array| !array.name.ends_with("_error"))
+            .map(|array| (array.name.as_str(), &array.shape[..]))
+            .collect();
+        assert_eq!(
+            shapes,
+            [
+                ("ambient_occlusion", &[4][..]),
+                ("visibility_sh", &[4, 9]),
+                ("transfer_sh", &[4, 9]),
+                ("irradiance", &[4, 3]),
+                ("vector_irradiance", &[4, 3, 3]),
+            ]
+        );
+        for array in archive.arrays.iter().filter(|array| array.name.ends_with("_error")) {
+            let of = archive.arrays.get(array.name.trim_end_matches("_error")).unwrap();
+            assert!(method == "qmc" && array.shape == of.shape);
+        }
+        // Row i is point i, to the bit what the library gives.
+        let scene = Scene::load(folder.join("solid.obj")).unwrap();
+        let light = Environment::load(folder.join("sky.exr")).unwrap();
+        let light = light.oriented(UpAxis::Z, 20.0).unwrap();
+        let request = Request {
+            order: 3,
+            ambient_occlusion: true,
+            visibility_sh: true,
+            transfer_sh: true,
+            bent_normal: false,
+            irradiance: true,
+            vector_irradiance: true,
+        };
+        let engine = match method {
+            "qmc" => Method::Qmc { samples: 128, seed: 0 },
+            _ => Method::Isolines { lines: 64 },
+        };
+        let expected =
+            integrate(&scene.geometry, Some(&light), &Receivers::points(points), &request, engine, None, &()).unwrap();
+        assert_eq!(archive.arrays, expected.arrays);
+        // Nothing is over the first point; the third is inside the solid.
+        let occlusion = &archive.arrays.get("ambient_occlusion").unwrap().data;
+        assert!(occlusion[2] == 0.0 && (method == "qmc" || (occlusion[0] - 1.0).abs() < 1e-14), "{occlusion:?}");
+
+        // Doubles in the file, too: the archive is stored plainly.
+        let bytes = std::fs::read(folder.join("out.npz")).unwrap();
+        let count = |part: &[u8]| bytes.windows(part.len()).filter(|window| *window == part).count();
+        assert_eq!(count(b"'descr': '<f8'"), archive.arrays.len());
+
+        let stats = std::fs::read_to_string(folder.join("stats.json")).unwrap();
+        let stats: serde_json::Value = serde_json::from_str(&stats).unwrap();
+        for key in [
+            "receivers",
+            "method",
+            "triangles",
+            "threads",
+            "build_seconds",
+            "integrate_seconds",
+            "contours_per_receiver",
+            "depth_alarms",
+            "skipped",
+        ] {
+            assert!(stats.get(key).is_some(), "{key} is missing in {stats}");
+        }
+        assert_eq!((&stats["receivers"], &stats["triangles"], &stats["threads"]), (&4.into(), &5.into(), &2.into()));
+        assert_eq!((&stats["method"], &stats["depth_alarms"]), (&method.into(), &0.into()));
+    }
+    // Without light and points: the vertices, and the arrays that need no light.
+    succeeds(folder, "integrate solid.obj -o vertices.npz --isolines 16");
+    let archive = writers::npz::read(&folder.join("vertices.npz")).unwrap();
+    let shapes: Vec<_> = archive.arrays.iter().map(|array| (array.name.as_str(), array.shape[0])).collect();
+    assert_eq!(shapes, [("ambient_occlusion", 7), ("visibility_sh", 7), ("transfer_sh", 7)]);
+    // The other phase turns the sign of odd m only.
+    succeeds(folder, "integrate solid.obj -o phase.npz --isolines 16 --sh-phase condon-shortley");
+    let other = writers::npz::read(&folder.join("phase.npz")).unwrap();
+    let [plain, other] = [&archive, &other].map(|archive| &archive.arrays.get("transfer_sh").unwrap().data);
+    for (i, (a, b)) in plain.iter().zip(other).enumerate() {
+        let k = i % 16;
+        let l = k.isqrt();
+        let m = k as isize - (l * l + l) as isize;
+        assert_eq!(*a, if m % 2 == 0 { *b } else { -b });
+    }
+}
+
+#[test]
+fn bake_render_inspect_and_compare_write_what_they_promise() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("solid.obj"), SOLID).unwrap();
+    environment(&folder.join("sky.exr"));
+    for (name, start) in
+        [("a.npz", &b"PK\x03\x04"[..]), ("a.ply", b"ply\n"), ("a.exr", b"\x76\x2f\x31\x01"), ("a.glb", b"glTF")]
+    {
+        let said = silhouette(folder, &format!("bake solid.obj -o {name} --order 2 --isolines 16"));
+        assert!(said.status.success() && said.stdout.is_empty() && said.stderr.is_empty(), "{name}");
+        assert!(std::fs::read(folder.join(name)).unwrap().starts_with(start), "{name}");
+    }
+    let archive = writers::npz::read(&folder.join("a.npz")).unwrap();
+    let shape = |name: &str| archive.arrays.get(name).map(|array| array.shape.clone());
+    assert_eq!(shape("transfer_sh"), Some(vec![7, 4]));
+    assert_eq!(shape("bent_normal"), Some(vec![7, 3]));
+    assert_eq!(shape("triangles"), Some(vec![5, 3]));
+    let provenance = archive.provenance.unwrap();
+    assert!(provenance.command_line.ends_with("bake solid.obj -o a.npz --order 2 --isolines 16"));
+    // What was baked can be loaded again as a mesh.
+    for name in ["a.ply", "a.glb"] {
+        assert!(succeeds(folder, &format!("inspect {name}")).contains('5'));
+    }
+    succeeds(folder, "bake solid.obj -o b.npz --quantities occlusion --isolines 16 --preview b.png");
+    let names: Vec<String> =
+        writers::npz::read(&folder.join("b.npz")).unwrap().arrays.iter().map(|array| array.name.clone()).collect();
+    assert_eq!(names, ["ambient_occlusion", "positions", "normals", "triangles"]);
+
+    for (name, options) in [
+        ("occlusion.png", ""),
+        ("light.png", "--environment sky.exr --up z"),
+        ("light.exr", "--environment sky.exr"),
+        ("occlusion.npz", "--show occlusion"),
+    ] {
+        succeeds(folder, &format!("render solid.obj -o {name} --width 24 --height 16 --isolines 16 {options}"));
+    }
+    let image = writers::npz::read(&folder.join("occlusion.npz")).unwrap();
+    assert_eq!(image.arrays.get("ambient_occlusion").unwrap().shape, [16, 24]);
+    succeeds(folder, "render solid.obj -o again.exr --width 24 --height 16 --isolines 64 --environment sky.exr");
+    let table = succeeds(folder, "compare light.exr again.exr -o difference.png");
+    assert!(table.contains("RMSE"), "{table}");
+    fails(folder, "compare light.exr again.exr --fail-above 0", 1);
+    succeeds(folder, "compare light.exr light.exr --fail-above 0");
+
+    let table = succeeds(folder, "inspect solid.obj -o solid.png");
+    assert!(table.contains('5') && table.to_lowercase().contains("triangles"), "{table}");
+    assert!(succeeds(folder, "inspect sky.exr").contains('8'));
+    for name in ["b.png", "occlusion.png", "light.png", "difference.png", "solid.png"] {
+        assert!(std::fs::read(folder.join(name)).unwrap().starts_with(b"\x89PNG\r\n"), "{name}");
+    }
+    assert!(
+        listing(folder).iter().all(|name| !name.contains("partial") && !name.contains("tmp")),
+        "{:?}",
+        listing(folder)
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_bakes_go_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // A second or two of work, on one thread.
+    std::fs::write(folder.join("knot.toml"), "[[mesh]]\nshape.torus_knot = { triangles = 5000 }\n").unwrap();
+    let bake = "bake knot.toml -o out.npz --isolines 512 --order 6 --threads 1";
+    let interrupted_after = |pause: Duration, arguments: &str| {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_silhouette"))
+            .args(arguments.split_whitespace())
+            .current_dir(folder)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(pause);
+        if child.try_wait().unwrap().is_none() {
+            assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        }
+        let output = child.wait_with_output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    // How fast the machine is just now is found by trying: too early and nothing is kept, too late and all is done.
+    let mut pause = Duration::from_millis(400);
+    let kept = (0..12).any(|_| {
+        let (code, text) = interrupted_after(pause, bake);
+        if code == Some(130) && text.contains("are kept in out.npz.partial.npz; --resume goes on from there") {
+            assert_eq!(listing(folder), ["knot.toml", "out.npz.partial.npz"], "{text}");
+            return true;
+        }
+        if code == Some(0) {
+            std::fs::remove_file(folder.join("out.npz")).unwrap();
+            pause = pause.mul_f64(0.6);
+        } else {
+            // Before the handler is in place, the system ends the process and there is no code.
+            assert!(code.is_none_or(|code| code == 130), "{code:?}: {text}");
+            pause = pause.mul_f64(1.5);
+        }
+        assert_eq!(listing(folder), ["knot.toml"], "{text}");
+        false
+    });
+    assert!(kept, "no pause was right");
+    // With other settings it does not go on, and what is kept stays.
+    let text = fails(folder, "bake knot.toml -o out.npz --isolines 64 --order 6 --resume", 1);
+    assert!(text.contains("was made with isolines = 512, not 64") && text.lines().count() == 1, "{text}");
+    // What is kept can be interrupted again.
+    let (code, text) = interrupted_after(pause, &format!("{bake} --resume"));
+    assert!(code == Some(130) || code == Some(0), "{code:?}: {text}");
+    if code == Some(130) {
+        assert_eq!(listing(folder), ["knot.toml", "out.npz.partial.npz"], "{text}");
+        succeeds(folder, &format!("{bake} --resume"));
+    }
+    assert_eq!(listing(folder), ["knot.toml", "out.npz"]);
+    succeeds(folder, &bake.replace("out.npz", "whole.npz").replace("--threads 1", "--threads 2"));
+    let [resumed, whole] = ["out.npz", "whole.npz"].map(|name| writers::npz::read(&folder.join(name)).unwrap().arrays);
+    assert!(resumed == whole);
 }

@@ -13,12 +13,27 @@ pub struct Request {
     pub visibility_sh: bool,
     /// `transfer_sh`, `[N, order^2]`: 1/pi integral of V max(0, n.w) y.
     pub transfer_sh: bool,
-    /// `bent_normal`, `[N, 3]`: unit mean of the visible directions, weighted by the cosine; zero where nothing is visible.
+    /// `bent_normal`, `[N, 3]`: unit mean of the visible directions (Landis 2002); zero where nothing is visible.
     pub bent_normal: bool,
     /// `irradiance`, `[N, 3]`: integral of L V max(0, n.w).
     pub irradiance: bool,
     /// `vector_irradiance`, `[N, 3 colours, 3 axes]`: integral of `L V [n.w > 0] w`.
     pub vector_irradiance: bool,
+}
+
+impl Default for Request {
+    /// Nothing yet, in four bands.
+    fn default() -> Self {
+        Self {
+            order: 4,
+            ambient_occlusion: false,
+            visibility_sh: false,
+            transfer_sh: false,
+            bent_normal: false,
+            irradiance: false,
+            vector_irradiance: false,
+        }
+    }
 }
 
 /// How visibility is integrated.

@@ -283,8 +283,9 @@ impl<'a> Solver<'a> {
 /// Rounding of an exact result: a few units in the last place of a sum of order one.
 const ROUNDING: f64 = 4e-15;
 
-/// From the difference of two interleaved sets of isolines to the error of their sum, calibrated on random scenes.
-const NESTED: f64 = 1.0;
+/// From the difference of two interleaved sets of isolines to a bound on the error of their sum: the error of one receiver in
+/// a hundred is 1.5 (occlusion) to 2.8 (textured light) times the difference on random scenes (tests/certificates.rs).
+const NESTED: f64 = 4.0;
 
 impl Lines {
     fn new(isolines: Isolines, assembly: &Assembly) -> Self {

@@ -57,15 +57,15 @@ impl Render {
     /// Renders and writes the image.
     pub fn run(&self) -> Result<(), Failure> {
         let method = self.method.method()?;
+        if self.show == Some(Show::Occlusion) && self.light.environment.is_some() {
+            return Err(Failure::Usage("--environment means nothing to --show occlusion".into()));
+        }
         check_target(&self.output, Layout::Image)?;
         let scene = scene(self.scene.as_deref())?;
         let named = self.light.load()?;
         let environment = named.as_ref().or(scene.environment.as_ref());
         let light = match self.show {
             Some(Show::Light) => true,
-            Some(Show::Occlusion) if self.light.environment.is_some() => {
-                return Err(Failure::Usage("--environment means nothing to --show occlusion".into()));
-            }
             Some(Show::Occlusion) => false,
             None => environment.is_some(),
         };

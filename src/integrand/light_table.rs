@@ -20,6 +20,9 @@ pub struct LightTable {
 /// Largest memory of a table for one axis, bytes.
 const MEMORY: usize = 1 << 28;
 
+/// Most rows of patches that an image is cut into, if it has not more itself: the time they take grows with the square.
+const MOST_ROWS: usize = 3 << 12;
+
 impl LightTable {
     /// Sums up the light of an environment, each of its pixels cut into patches a few times smaller than the distance of
     /// the isolines.
@@ -28,7 +31,7 @@ impl LightTable {
         let most = MEMORY / (lines * 4 * size_of::<[f64; 9]>());
         let cells = (lines / 2).max(64).min(most.max(16));
         let mut axes = [(); 3].map(|()| vec![[0.0; 9]; lines * 4 * (cells + 1)]);
-        let patches = (3 * lines).div_ceil(environment.height()).clamp(1, 12);
+        let patches = (3 * lines).min(MOST_ROWS).div_ceil(environment.height());
         axes.par_iter_mut().enumerate().for_each(|(axis, sums)| {
             for (moment, radiance) in environment.patches(patches) {
                 let added: [f64; 9] = std::array::from_fn(|i| f64::from(radiance[i / 3]) * moment[i % 3]);

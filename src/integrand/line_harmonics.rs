@@ -196,7 +196,7 @@ fn octant_factors(order: Order, coefficients: &[(usize, usize)], axis: usize, u:
 
 /// The antiderivatives that band `l` needs.
 fn group(order: Order, values: &[f64], l: usize) -> &[f64] {
-    let start = if l % 2 == 0 { 0 } else { odd_terms(order) };
+    let start = if l.is_multiple_of(2) { 0 } else { odd_terms(order) };
     &values[start..start + l + 2]
 }
 

@@ -144,7 +144,7 @@ fn triangles(primitive: &Primitive, buffers: &[buffer::Data]) -> Checked<Option<
     if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.count()) {
         return Err(format!("refers to vertex {index}, but there are only {}", positions.count()));
     }
-    if mode == Mode::Triangles && indices.len() % 3 != 0 {
+    if mode == Mode::Triangles && !indices.len().is_multiple_of(3) {
         return Err(format!("{} indices do not make whole triangles", indices.len()));
     }
     Ok(Some(match mode {
@@ -214,7 +214,7 @@ fn skin(positions: &mut [Vec3], primitive: &Primitive, joints: &[DAffine3], buff
         }
     }
     for (i, (p, (sum, total))) in positions.iter_mut().zip(blended).enumerate() {
-        if !(total > 0.0) {
+        if total.is_nan() || total <= 0.0 {
             return Err(format!("no joint holds vertex {i}: its weights add up to {total}"));
         }
         *p = (sum.transform_point3(p.as_dvec3()) / total).as_vec3();

@@ -12,6 +12,7 @@ mod incidence;
 mod load;
 mod mesh;
 mod mtl;
+pub(crate) mod npy;
 mod obj;
 mod ply;
 mod points;

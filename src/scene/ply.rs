@@ -90,7 +90,7 @@ fn check_header(vertex: Option<&ElementDef>, face: Option<&ElementDef>) -> std::
         let mut properties = vertex.properties.iter();
         properties.any(|(key, p)| key == name && matches!(p.data_type, PropertyType::Scalar(_)))
     };
-    if !["x", "y", "z"].iter().all(|name| is_scalar(name)) {
+    if !["x", "y", "z"].iter().all(is_scalar) {
         return Err("vertices need the properties x, y and z");
     }
     let is_list = |(key, p): (&String, &ply_rs_bw::ply::PropertyDef)| {

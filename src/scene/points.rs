@@ -1,9 +1,9 @@
-use std::fs::{self, File};
-use std::io::BufReader;
+use std::fs;
 use std::path::Path;
 
 use glam::DVec3;
 
+use super::npy;
 use crate::{Error, Result};
 
 /// A point with a normal, to receive light.
@@ -20,8 +20,9 @@ pub struct Point {
 /// Four printed decimals of three components leave an error of at most `sqrt(3) 5e-5 = 8.7e-5`.
 pub const NORMAL_TOLERANCE: f64 = 1e-4;
 
-/// Reads points with normals in double precision, used as given: a NumPy array of shape N x 6 (`.npy`, f32 or f64), or
-/// else text with six columns, position and normal, separated by blanks or by commas, where `#` starts a comment.
+/// Reads points with normals in double precision, used as given: a NumPy array of shape N x 6 (`.npy`, real numbers
+/// of any type), or else text with six columns, position and normal, separated by blanks or by commas, where `#` starts a
+/// comment.
 ///
 /// # Errors
 /// Each names the line of the text or the row (from 0) of the array: a number of columns other than six, what is not a
@@ -63,31 +64,17 @@ fn load_text(path: &Path) -> Result<Vec<Point>> {
 }
 
 fn load_array(path: &Path) -> Result<Vec<Point>> {
-    let file = File::open(path).map_err(|e| Error::file(path, e))?;
-    let array = npyz::NpyFile::new(BufReader::new(file)).map_err(|e| Error::file(path, e))?;
-    let &[count, 6] = array.shape() else {
-        let shape: Vec<String> = array.shape().iter().map(u64::to_string).collect();
-        let message = format!("an array of shape ({}) instead of N x 6: position and unit normal", shape.join(", "));
+    let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
+    let (shape, data) = match npy::parse(&bytes).map_err(|message| Error::file(path, message))? {
+        npy::Content::Numbers { shape, data } => (shape, data),
+        npy::Content::Text(_) => return Err(Error::file(path, "holds text where points are wanted")),
+    };
+    let [_, 6] = shape[..] else {
+        let message = format!("an array of shape {shape:?} instead of [N, 6]: position and unit normal");
         return Err(Error::file(path, message));
     };
-    let is_by_column = array.order() == npyz::Order::Fortran;
-    let values: std::io::Result<Vec<f64>> = match array.try_data::<f64>() {
-        Ok(values) => values.collect(),
-        Err(array) => match array.try_data::<f32>() {
-            Ok(values) => values.map(|value| value.map(f64::from)).collect(),
-            Err(array) => {
-                let message = format!("an array of type {} instead of f32 or f64", array.dtype().descr());
-                return Err(Error::file(path, message));
-            }
-        },
-    };
-    let values = values.map_err(|e| Error::file(path, e))?;
-    let count = count as usize;
-    let row = |i: usize| {
-        let values = std::array::from_fn(|k| values[if is_by_column { k * count + i } else { 6 * i + k }]);
-        check(values).map_err(|message| Error::file(path, format!("row {i}: {message}")))
-    };
-    (0..count).map(row).collect()
+    let rows = data.as_chunks::<6>().0.iter().enumerate();
+    rows.map(|(i, &row)| check(row).map_err(|message| Error::file(path, format!("row {i}: {message}")))).collect()
 }
 
 fn check(values: [f64; 6]) -> std::result::Result<Point, String> {
@@ -187,9 +174,9 @@ mod tests {
         values[11] = f64::NAN;
         for (bytes, why) in [
             (array(&[3, 6], npyz::Order::C, &values), "row 1: NaN is not finite"),
-            (array(&[6, 3], npyz::Order::C, &values), "shape (6, 3)"),
-            (array(&[18], npyz::Order::C, &values), "shape (18)"),
-            (array(&[1, 6], npyz::Order::C, &[0i32; 6]), "f32 or f64"),
+            (array(&[6, 3], npyz::Order::C, &values), "shape [6, 3]"),
+            (array(&[18], npyz::Order::C, &values), "shape [18]"),
+            (array(&[1, 6], npyz::Order::C, &[0i32; 6]), "row 0: the normal is zero"),
             (array::<f64>(&[0, 6], npyz::Order::C, &[]), "no points"),
             (good[..good.len() - 1].to_vec(), "p.npy: "),
             (good[..20].to_vec(), "p.npy: "),

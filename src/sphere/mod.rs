@@ -1,5 +1,6 @@
 //! The unit sphere: octahedral map, harmonics, arcs, closed forms.
 
+mod arc_integrals;
 mod arcs;
 pub mod closed_forms;
 mod cosine_product;
@@ -11,6 +12,7 @@ mod quadrature;
 mod rotation;
 mod zonal;
 
+pub use arc_integrals::{cosine_along, harmonics_along};
 pub use arcs::{BoundaryArc, vector_area};
 pub use cosine_product::cosine_product;
 pub use harmonics::{Order, evaluate, evaluate_many, index};

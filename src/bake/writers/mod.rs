@@ -3,7 +3,6 @@
 mod atomic;
 pub mod exr;
 mod glb;
-pub mod npy;
 pub mod npz;
 mod ply;
 mod png;

@@ -9,10 +9,10 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use crate::bake::{Array, Arrays, BakedImage, BakedVertices, Provenance};
+use crate::scene::npy;
 use crate::{Error, Result};
 
 use super::atomic::atomically;
-use super::npy;
 
 /// Name under which the provenance stands: a string array that holds JSON.
 const PROVENANCE: &str = "provenance";
@@ -49,8 +49,7 @@ pub fn read(path: &Path) -> Result<Archive> {
         let Some(name) = name.strip_suffix(".npy") else {
             return Err(Error::file(path, format!("{name} is no NumPy array")));
         };
-        let content = npy::parse_content(name, &bytes)
-            .map_err(|message| Error::file(path, format!("array {name}: {message}")))?;
+        let content = npy::parse(&bytes).map_err(|message| Error::file(path, format!("array {name}: {message}")))?;
         match content {
             npy::Content::Text(json) if name == PROVENANCE => {
                 let provenance = serde_json::from_str(&json);
@@ -58,7 +57,9 @@ pub fn read(path: &Path) -> Result<Archive> {
                     Some(provenance.map_err(|error| Error::file(path, format!("provenance: {error}")))?);
             }
             npy::Content::Text(_) => return Err(Error::file(path, format!("array {name} holds text, not numbers"))),
-            npy::Content::Numbers(array) => archive.arrays.push(array).map_err(|error| Error::file(path, error))?,
+            npy::Content::Numbers { shape, data } => {
+                archive.arrays.push(Array::new(name, shape, data)).map_err(|error| Error::file(path, error))?;
+            }
         }
     }
     Ok(archive)

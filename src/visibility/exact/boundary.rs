@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::chart::at_azimuth;
-use super::edges::on_line;
+use super::edges::{Edge, on_line};
 use super::sweep::Sweep;
 use crate::sphere::BoundaryArc;
 
@@ -57,8 +57,9 @@ impl Sweep<'_> {
     }
 
     pub(super) fn close_visible(&mut self, id: u32, to: DVec3) {
-        let edge = self.edge(id);
-        if let Some(arc) = self.arc(edge.normal, self.queue.from[id as usize][0], to, edge.visible) {
+        let &Edge { normal, visible, source, .. } = self.edge(id);
+        if let Some(arc) = self.arc(normal, self.queue.from[id as usize][0], to, visible) {
+            self.sources.push(source);
             self.solid_angle += arc.solid_angle_from(DVec3::Z);
             let chart = self.chart;
             self.boundary.push(BoundaryArc {

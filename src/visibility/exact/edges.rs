@@ -48,6 +48,8 @@ pub(super) struct Edge {
     pub above: i32,
     /// Change of W on crossing it downwards.
     pub jump: i32,
+    /// Index of the contours' arc it is a piece of, NIL for the pole and the horizon.
+    pub source: u32,
     pub next_end: u32,
     /// Place among the landmarks of the status, if it is one.
     pub landmark: u16,
@@ -58,7 +60,7 @@ pub(super) struct Edge {
 }
 
 impl Edge {
-    fn new(normal: DVec3, jump: i32) -> Self {
+    fn new(normal: DVec3, jump: i32, source: u32) -> Self {
         Self {
             normal,
             end: SEAM,
@@ -66,6 +68,7 @@ impl Edge {
             prev: NIL,
             above: 0,
             jump,
+            source,
             next_end: NIL,
             landmark: NO_LANDMARK,
             visible: 0,
@@ -139,14 +142,14 @@ impl Edges {
         let mut seam = if normal.is_some() { HORIZON_EDGE + 1 } else { TOP + 1 };
         let mut start = seam + self.spans.iter().filter(|span| span.wraps).count() as u32;
         // Every place is written below: what is there already need not be cleared.
-        self.edges.resize(start as usize + self.spans.len(), Edge::new(DVec3::ZERO, 0));
-        self.edges[TOP as usize] = Edge::new(DVec3::ZERO, 0);
+        self.edges.resize(start as usize + self.spans.len(), Edge::new(DVec3::ZERO, 0, NIL));
+        self.edges[TOP as usize] = Edge::new(DVec3::ZERO, 0, NIL);
         self.at_seam.clear();
         self.horizon = NIL;
         if let Some(n) = normal {
             self.horizon = HORIZON_EDGE;
             self.at_seam.push(HORIZON_EDGE);
-            self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP);
+            self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP, NIL);
         }
         for vertex in &mut self.vertices {
             let count = std::mem::replace(&mut vertex.starts, start);
@@ -154,8 +157,8 @@ impl Edges {
         }
 
         for i in 0..self.spans.len() {
-            let Span { arc, first, second, wraps } = self.spans[i];
-            let arc = contours.arcs[arc as usize];
+            let Span { arc: source, first, second, wraps } = self.spans[i];
+            let arc = contours.arcs[source as usize];
             let (a, b) = (contours.directions[arc.a as usize], contours.directions[arc.b as usize]);
             let cross = chart.local(cross(a, b));
             let is_forward = self.ranks[arc.a as usize] == first;
@@ -163,7 +166,7 @@ impl Edges {
             if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {
                 return Err(MeetsPole);
             }
-            let edge = Edge::new(normal, jump);
+            let edge = Edge::new(normal, jump, source);
             // Until all edges have their place, `starts` is where the next one goes.
             let next_place = &mut self.vertices[first as usize].starts;
             let place = *next_place;

@@ -9,6 +9,7 @@ mod boundary;
 mod chart;
 mod crossings;
 mod edges;
+mod gradient;
 mod landmarks;
 mod region;
 mod sweep;

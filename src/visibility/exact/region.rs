@@ -10,6 +10,8 @@ use crate::sphere::{BoundaryArc, Order, region_harmonics, vector_area};
 #[derive(Clone, Debug, Default)]
 pub struct Region {
     pub(super) boundary: Vec<BoundaryArc>,
+    /// The contour that each boundary arc lies on, an index into the contours' arcs; NIL for the horizon.
+    pub(super) sources: Vec<u32>,
     pub(super) solid_angle: f64,
     pub(super) residuals: Residuals,
 }

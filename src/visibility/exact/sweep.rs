@@ -39,6 +39,7 @@ pub(super) fn sweep(
     region: &mut Region,
 ) -> (DVec3, i32) {
     region.boundary.clear();
+    region.sources.clear();
     region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
     queue.crossings.reset(edges.vertices.len());
     queue.landmarks.reset();
@@ -52,6 +53,7 @@ pub(super) fn sweep(
         horizon: edges.horizon,
         residuals: &mut region.residuals,
         boundary: &mut region.boundary,
+        sources: &mut region.sources,
         solid_angle: 0.0,
     };
     sweep.begin(&mut edges.at_seam, depth_at_pole);
@@ -90,6 +92,7 @@ pub(super) struct Sweep<'a> {
     pub(super) horizon: u32,
     pub(super) residuals: &'a mut Residuals,
     pub(super) boundary: &'a mut Vec<BoundaryArc>,
+    pub(super) sources: &'a mut Vec<u32>,
     pub(super) solid_angle: f64,
 }
 

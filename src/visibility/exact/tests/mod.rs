@@ -2,6 +2,7 @@
 
 mod closed_forms;
 mod degenerate;
+mod gradients;
 mod invariance;
 mod scenes;
 mod twin;

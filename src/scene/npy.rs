@@ -1,24 +1,37 @@
 //! NumPy's array files, versions 1 to 3 of the format (NumPy enhancement proposal 1).
 
 use std::io::Write;
-use std::path::Path;
-
-use crate::bake::Array;
-use crate::{Error, Result};
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
-/// Reads a `.npy` file of real numbers, integers or booleans as doubles; `name` becomes the array's.
-///
-/// # Errors
-/// When the file is missing, truncated, no `.npy`, or of another type.
-pub fn read(path: &Path, name: &str) -> Result<Array> {
-    let bytes = std::fs::read(path).map_err(|error| Error::file(path, error))?;
-    parse(name, &bytes).map_err(|message| Error::file(path, message))
+/// What an array file holds.
+#[derive(Debug)]
+pub(crate) enum Content {
+    /// Real numbers, integers or booleans, in C order: the last axis varies fastest.
+    Numbers {
+        /// Length of every axis; empty for a single number.
+        shape: Vec<usize>,
+        /// As many as the product of `shape`.
+        data: Vec<f64>,
+    },
+    /// A single string.
+    Text(String),
 }
 
-/// Header of a version 1 file for little-endian numbers of type `descr`, in C order.
-pub(super) fn write_header(file: &mut impl Write, descr: &str, shape: &[usize]) -> std::io::Result<()> {
+/// Reads the array file `bytes`, numbers of any type as doubles.
+///
+/// # Errors
+/// When the file is truncated, no array file, or of another type: a line that does not name the file.
+pub(crate) fn parse(bytes: &[u8]) -> Result<Content, String> {
+    let header = Header::parse(bytes)?;
+    match header.kind {
+        'U' if header.shape.is_empty() => header.text().map(Content::Text),
+        _ => header.numbers(),
+    }
+}
+
+/// Writes the header of a version 1 file for little-endian numbers of type `descr`, in C order.
+pub(crate) fn write_header(file: &mut impl Write, descr: &str, shape: &[usize]) -> std::io::Result<()> {
     let axes: String = shape.iter().map(|length| format!("{length}, ")).collect();
     let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}", axes.trim_end());
     // Numbers begin at a multiple of 64 bytes, behind the newline that ends the header.
@@ -30,28 +43,6 @@ pub(super) fn write_header(file: &mut impl Write, descr: &str, shape: &[usize]) 
     file.write_all(&[1, 0])?;
     file.write_all(&length.to_le_bytes())?;
     file.write_all(text.as_bytes())
-}
-
-/// Numbers of an array file, or its text if it holds a single string.
-pub(super) enum Content {
-    Numbers(Array),
-    Text(String),
-}
-
-/// Reads the array file `bytes`.
-pub(super) fn parse_content(name: &str, bytes: &[u8]) -> std::result::Result<Content, String> {
-    let header = Header::parse(bytes)?;
-    match header.kind {
-        'U' if header.shape.is_empty() => header.text().map(Content::Text),
-        _ => header.numbers(name).map(Content::Numbers),
-    }
-}
-
-fn parse(name: &str, bytes: &[u8]) -> std::result::Result<Array, String> {
-    match parse_content(name, bytes)? {
-        Content::Numbers(array) => Ok(array),
-        Content::Text(_) => Err("holds text where numbers are wanted".into()),
-    }
 }
 
 struct Header<'a> {
@@ -66,7 +57,7 @@ struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    fn parse(bytes: &'a [u8]) -> std::result::Result<Self, String> {
+    fn parse(bytes: &'a [u8]) -> Result<Self, String> {
         let not = || "not a NumPy array file, or truncated".to_owned();
         let rest = bytes.strip_prefix(MAGIC).ok_or_else(not)?;
         let (version, rest) = rest.split_first_chunk::<2>().ok_or_else(not)?;
@@ -95,8 +86,7 @@ impl<'a> Header<'a> {
 
         let shape = value(text, "shape").and_then(|rest| rest.strip_prefix('(')?.split(')').next()).ok_or_else(not)?;
         let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
-        let shape: Vec<usize> =
-            lengths.map(|length| length.parse().map_err(|_| not())).collect::<std::result::Result<_, _>>()?;
+        let shape: Vec<usize> = lengths.map(|length| length.parse().map_err(|_| not())).collect::<Result<_, _>>()?;
         let bytes = shape.iter().try_fold(size, |product, &length| product.checked_mul(length));
         if bytes != Some(data.len()) {
             return Err(format!("truncated: {} bytes of numbers do not fill shape {shape:?}", data.len()));
@@ -105,7 +95,7 @@ impl<'a> Header<'a> {
         Ok(Self { big_endian: order == '>', kind, size, fortran_order, shape, data })
     }
 
-    fn numbers(&self, name: &str) -> std::result::Result<Array, String> {
+    fn numbers(self) -> Result<Content, String> {
         let data = match (self.kind, self.size) {
             ('f', 8) => self.elements(f64::from_le_bytes),
             ('f', 4) => self.elements(|b| f32::from_le_bytes(b).into()),
@@ -119,8 +109,8 @@ impl<'a> Header<'a> {
             ('u', 8) => self.elements(|b| u64::from_le_bytes(b) as f64),
             _ => return Err("holds text where numbers are wanted".into()),
         };
-        let array = Array::new(name, self.shape.clone(), data);
-        Ok(if self.fortran_order { transposed(array) } else { array })
+        let data = if self.fortran_order { in_c_order(&self.shape, &data) } else { data };
+        Ok(Content::Numbers { shape: self.shape, data })
     }
 
     fn elements<const N: usize>(&self, number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
@@ -134,7 +124,7 @@ impl<'a> Header<'a> {
         self.data.as_chunks::<N>().0.iter().map(element).collect()
     }
 
-    fn text(&self) -> std::result::Result<String, String> {
+    fn text(&self) -> Result<String, String> {
         let code =
             |bytes: &[u8; 4]| if self.big_endian { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
         let characters = self.data.as_chunks::<4>().0.iter().map(code).map(char::from_u32);
@@ -149,10 +139,9 @@ fn value<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     Some(after.trim_start().strip_prefix(':')?.trim_start())
 }
 
-/// C order of an array whose numbers stand in Fortran order: first axis fastest.
-fn transposed(array: Array) -> Array {
-    let strides: Vec<usize> = array
-        .shape
+/// C order of numbers that stand in Fortran order: first axis fastest.
+fn in_c_order(shape: &[usize], data: &[f64]) -> Vec<f64> {
+    let strides: Vec<usize> = shape
         .iter()
         .scan(1, |product, &length| {
             let stride = *product;
@@ -160,9 +149,16 @@ fn transposed(array: Array) -> Array {
             Some(stride)
         })
         .collect();
-    let place = |flat| array.index(flat).iter().zip(&strides).map(|(i, stride)| i * stride).sum::<usize>();
-    let data = (0..array.data.len()).map(|flat| array.data[place(flat)]).collect();
-    Array { data, ..array }
+    let place = |mut flat: usize| -> usize {
+        let axes = shape.iter().zip(&strides).rev();
+        axes.map(|(length, stride)| {
+            let index = flat % length;
+            flat /= length;
+            index * stride
+        })
+        .sum()
+    };
+    (0..data.len()).map(|flat| data[place(flat)]).collect()
 }
 
 #[cfg(test)]
@@ -175,26 +171,29 @@ mod tests {
         [b"\x93NUMPY\x01\x00".as_slice(), &(header.len() as u16).to_le_bytes(), header.as_bytes(), data].concat()
     }
 
-    fn numbers(header: &str, data: &[u8]) -> Array {
-        parse("a", &file(header, data)).unwrap()
+    fn numbers(bytes: &[u8]) -> (Vec<usize>, Vec<f64>) {
+        match parse(bytes).unwrap() {
+            Content::Numbers { shape, data } => (shape, data),
+            Content::Text(text) => panic!("{text}"),
+        }
     }
 
     fn message(bytes: &[u8]) -> String {
-        parse("a", bytes).map(|_| ()).unwrap_err()
+        parse(bytes).unwrap_err()
     }
 
     #[test]
     fn reads_what_numpy_writes() {
         let doubles: Vec<u8> = [1.0f64, -2.5].iter().flat_map(|x| x.to_le_bytes()).collect();
-        let array = numbers("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &doubles);
-        assert_eq!((array.shape, array.data), (vec![2], vec![1.0, -2.5]));
-        let array = numbers("{'descr': '>i2', 'fortran_order': False, 'shape': (1, 2), }", &[1, 0, 255, 255]);
-        assert_eq!((array.shape, array.data), (vec![1, 2], vec![256.0, -1.0]));
-        let array = numbers("{'descr': '|b1', 'fortran_order': False, 'shape': (), }", &[1]);
-        assert_eq!((array.shape, array.data), (vec![], vec![1.0]));
+        let header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }";
+        assert_eq!(numbers(&file(header, &doubles)), (vec![2], vec![1.0, -2.5]));
+        let header = "{'descr': '>i2', 'fortran_order': False, 'shape': (1, 2), }";
+        assert_eq!(numbers(&file(header, &[1, 0, 255, 255])), (vec![1, 2], vec![256.0, -1.0]));
+        let header = "{'descr': '|b1', 'fortran_order': False, 'shape': (), }";
+        assert_eq!(numbers(&file(header, &[1])), (vec![], vec![1.0]));
         // [[0, 1, 2], [3, 4, 5]] column by column.
-        let array = numbers("{'descr': '|u1', 'fortran_order': True, 'shape': (2, 3), }", &[0, 3, 1, 4, 2, 5]);
-        assert_eq!(array.data, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        let header = "{'descr': '|u1', 'fortran_order': True, 'shape': (2, 3), }";
+        assert_eq!(numbers(&file(header, &[0, 3, 1, 4, 2, 5])), (vec![2, 3], vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0]));
     }
 
     #[test]
@@ -208,7 +207,7 @@ mod tests {
             write_header(&mut bytes, "|u1", shape).unwrap();
             assert_eq!(bytes.len() % 64, 0);
             bytes.resize(bytes.len() + shape.iter().product::<usize>(), 7);
-            assert_eq!(parse("a", &bytes).unwrap().shape, shape);
+            assert_eq!(numbers(&bytes).0, shape);
         }
     }
 

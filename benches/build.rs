@@ -1,0 +1,88 @@
+//! Time of everything that is built once per scene. What is built is first asked for an answer known otherwise.
+
+mod scene;
+
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
+use dual_bvh::{BuildOptions, Candidates, Contours, DualBvh, Tile, brute_force};
+use glam::DVec3;
+use scene::Case;
+use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
+use silhouette::reference::RayScene;
+use silhouette::scene::{FaceTree, Scene, Sky};
+use silhouette::sphere::Order;
+use silhouette::visibility::{Frame, Isolines, open_intervals};
+
+const LINES: usize = 256;
+
+fn bench(criterion: &mut Criterion) {
+    let Case { geometry, receivers, .. } = Case::new("knots_100k");
+    let edges = || {
+        let (positions, triangles) = (geometry.positions.clone(), geometry.triangles.clone());
+        DualBvh::build(positions, triangles, &BuildOptions::default()).expect("the geometry is clean")
+    };
+    let faces = || FaceTree::new(geometry.positions.clone(), geometry.triangles.clone());
+    let isolines = Isolines::new(LINES).expect("an even number");
+    let order = Order::new(4).expect("four bands");
+    let sky = Sky::default().environment().expect("the defaults are in their domain");
+
+    let above = geometry.bounds().expect("not empty")[1].as_dvec3() * 1.5;
+    let (mut candidates, mut contours) = (Candidates::default(), Contours::default());
+    edges().search(&Tile::lone(above, None), &mut candidates);
+    candidates.contours(above, &[], &mut contours);
+    let expected = brute_force(&geometry.positions, &geometry.triangles, above, &[]).len();
+    assert_eq!(contours.edges().len(), expected, "contours");
+
+    // All of a hemisphere and all of the sky's light.
+    let normal = DVec3::new(0.36, 0.48, 0.8);
+    let harmonics = LineHarmonics::new(order, &isolines);
+    let light = LightTable::new(&isolines, &sky);
+    let mut moments = LineMoments::new(&harmonics);
+    let frame = Frame::facing(Some(normal), 0);
+    open_intervals(&isolines, frame, Some(normal), |interval| moments.add(&harmonics, interval));
+    let (mut even, mut odd) = (vec![0.0; order.len()], vec![0.0; order.len()]);
+    moments.finish(&harmonics, frame.axis(), [&mut even, &mut odd]);
+    let coefficients: Vec<f64> = even.iter().zip(&odd).map(|(even, odd)| even + odd).collect();
+    // The horizon is off by a slab's width squared.
+    let tolerance = 10.0 / (LINES * LINES) as f64;
+    assert!((ambient_occlusion(&coefficients, normal) - 1.0).abs() < tolerance, "harmonics along lines");
+    let mut moments = LightMoments::default();
+    let frame = Frame::facing(None, 0);
+    open_intervals(&isolines, frame, None, |interval| moments.add(&light, frame.axis(), interval));
+    let [even, odd] = moments.vectors();
+    let expected = sky.patches(1).map(|(moment, radiance)| moment * f64::from(radiance.x)).sum::<DVec3>();
+    assert!((even[0] + odd[0]).distance(expected) < 1e-9, "light along lines");
+
+    // What the judge's rays hit first is on the tree's way, too.
+    let (tree, rays) = (faces(), RayScene::new(&geometry));
+    for receiver in (0..receivers.len()).step_by(5000).map(|i| receivers.get(i)) {
+        let Some(direction) = receiver.normal else { continue };
+        let Some(hit) = rays.first_hit(receiver.position, direction, receiver.excluded) else { continue };
+        let mut is_met = false;
+        tree.visit(receiver.position, direction, |face| {
+            is_met |= face == hit.face;
+            ControlFlow::Continue(())
+        });
+        assert!(is_met, "faces");
+    }
+
+    let mut group = criterion.benchmark_group("build");
+    group.sample_size(10).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
+    group.bench_function("scene knots_100k", |b| b.iter(|| black_box(Scene::builtin("knots_100k"))));
+    group.bench_function("DualBvh knots_100k", |b| b.iter(|| black_box(edges())));
+    group.bench_function("FaceTree knots_100k", |b| b.iter(|| black_box(faces())));
+    group.bench_function("LineHarmonics, order 4, 256 lines", |b| {
+        b.iter(|| black_box(LineHarmonics::new(order, &isolines)));
+    });
+    group.bench_function("LightTable, 256 x 128 pixels, 256 lines", |b| {
+        b.iter(|| black_box(LightTable::new(&isolines, &sky)));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);

@@ -1,0 +1,148 @@
+//! Time of one receiver along isolines, from the search for its contours to its integrals. What is timed is first compared
+//! with rays. (The search alone: `cargo bench -p dual_bvh`.)
+
+mod scene;
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use dual_bvh::{BuildOptions, DualBvh};
+use scene::Case;
+use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
+use silhouette::scene::FaceTree;
+use silhouette::sphere::{Order, hemisphere};
+use silhouette::visibility::{Frame, Isolines, Sight, View, Viewer, open_intervals};
+
+/// Scene and receivers timed.
+const SCENES: [(&str, usize); 4] = [("icosphere", 256), ("room", 256), ("knots_100k", 256), ("foliage", 64)];
+const LINES: [usize; 3] = [16, 64, 256];
+
+/// Bound on the error along N lines, over N: an interval's end is known to a slab's width, which is 2 / N, and the errors
+/// of the slabs, of either sign, do not add up to more than a few of their own size. Measured errors are far smaller.
+const FIRST_ORDER: f64 = 0.5;
+
+/// The same of the sky's light, whose total is pi, and of which a sun that is a tenth wide holds most.
+const FIRST_ORDER_OF_LIGHT: f64 = 4.0;
+
+/// A scene ready for one number of isolines.
+struct Engine<'a> {
+    case: &'a Case,
+    edges: &'a DualBvh,
+    faces: &'a FaceTree,
+    isolines: Isolines,
+    view: View,
+}
+
+impl Engine<'_> {
+    /// Every receiver's coefficients, one row after another.
+    fn harmonics(&mut self, tiles: &[Vec<u32>], table: &LineHarmonics) -> Vec<f64> {
+        let viewer = Viewer { edges: self.edges, faces: self.faces };
+        let mut moments = LineMoments::new(table);
+        let size = table.order().len();
+        let (mut even, mut odd) = (vec![0.0; size], vec![0.0; size]);
+        let mut rows = Vec::new();
+        for tile in tiles {
+            let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
+            viewer.approach(receivers.clone(), &mut self.view);
+            for receiver in receivers {
+                let frame = Frame::facing(receiver.normal, 0);
+                even.fill(0.0);
+                odd.fill(0.0);
+                viewer.face(receiver, &mut self.view);
+                let sight = viewer.follow(&self.isolines, frame, receiver, &mut self.view, |interval| {
+                    moments.add(table, interval);
+                });
+                match (sight, receiver.normal) {
+                    (Sight::Part(_), _) => moments.finish(table, frame.axis(), [&mut even, &mut odd]),
+                    (Sight::Open, Some(normal)) => even.copy_from_slice(&hemisphere(table.order(), normal)),
+                    _ => {}
+                }
+                rows.extend(even.iter().zip(&odd).map(|(even, odd)| even + odd));
+            }
+        }
+        rows
+    }
+
+    /// Every receiver's vector irradiance, colours of axes, one row after another.
+    fn light(&mut self, tiles: &[Vec<u32>], table: &LightTable) -> Vec<f64> {
+        let viewer = Viewer { edges: self.edges, faces: self.faces };
+        let mut rows = Vec::new();
+        for tile in tiles {
+            let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
+            viewer.approach(receivers.clone(), &mut self.view);
+            for receiver in receivers {
+                let frame = Frame::facing(receiver.normal, 0);
+                let mut moments = LightMoments::default();
+                viewer.face(receiver, &mut self.view);
+                let sight = viewer.follow(&self.isolines, frame, receiver, &mut self.view, |interval| {
+                    moments.add(table, frame.axis(), interval);
+                });
+                if sight == Sight::Open {
+                    open_intervals(&self.isolines, frame, receiver.normal, |interval| {
+                        moments.add(table, frame.axis(), interval);
+                    });
+                }
+                let [even, odd] = moments.vectors();
+                rows.extend(even.iter().zip(&odd).flat_map(|(&even, &odd)| (even + odd).to_array()));
+            }
+        }
+        rows
+    }
+}
+
+fn bench(criterion: &mut Criterion) {
+    for (name, count) in SCENES {
+        let case = Case::new(name);
+        let (positions, triangles) = (case.geometry.positions.clone(), case.geometry.triangles.clone());
+        let edges = DualBvh::build(positions.clone(), triangles.clone(), &BuildOptions::default()).expect("is clean");
+        let faces = FaceTree::new(positions, triangles);
+        let tiles = case.tiles(count);
+        let count = tiles.iter().map(Vec::len).sum::<usize>();
+        println!("{name}: {count} receivers in {} tiles", tiles.len());
+        let checked = &tiles[..tiles.len().div_ceil(8)];
+        let checked_receivers = checked.concat();
+        let judged = case.judge(&checked_receivers);
+
+        let mut group = criterion.benchmark_group(name);
+        group.sample_size(10).sampling_mode(SamplingMode::Flat);
+        group.warm_up_time(Duration::from_millis(200)).measurement_time(Duration::from_millis(800));
+        group.throughput(Throughput::Elements(count as u64));
+        for lines in LINES {
+            let isolines = Isolines::new(lines).expect("an even number");
+            let tolerance = FIRST_ORDER / lines as f64;
+            let [occlusion, harmonics] =
+                [2, 4].map(|bands| LineHarmonics::new(Order::new(bands).expect("few bands"), &isolines));
+            let light = LightTable::new(&isolines, &case.environment);
+            let mut engine = Engine { case: &case, edges: &edges, faces: &faces, isolines, view: View::default() };
+
+            let rows = engine.harmonics(checked, &occlusion);
+            let normals = checked_receivers.iter().map(|&i| case.receivers.normals[i as usize]);
+            let values: Vec<f64> =
+                rows.chunks_exact(4).zip(normals).map(|(row, n)| ambient_occlusion(row, n)).collect();
+            judged.occlusion.check(&format!("{name}: occlusion along {lines} lines"), &values, tolerance);
+            let rows = engine.harmonics(checked, &harmonics);
+            judged.harmonics.check(&format!("{name}: harmonics along {lines} lines"), &rows, tolerance);
+            let rows = engine.light(checked, &light);
+            judged.light.check(
+                &format!("{name}: light along {lines} lines"),
+                &rows,
+                FIRST_ORDER_OF_LIGHT / lines as f64,
+            );
+
+            group.bench_function(BenchmarkId::new("occlusion", lines), |b| {
+                b.iter(|| black_box(engine.harmonics(&tiles, &occlusion)));
+            });
+            group.bench_function(BenchmarkId::new("harmonics", lines), |b| {
+                b.iter(|| black_box(engine.harmonics(&tiles, &harmonics)));
+            });
+            group.bench_function(BenchmarkId::new("light", lines), |b| {
+                b.iter(|| black_box(engine.light(&tiles, &light)));
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);
