@@ -142,8 +142,7 @@ mod tests {
     #[test]
     fn a_receiver_on_an_edge_or_corner_counts_as_above_it() {
         let [a, b, c, d] = [[-2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0], [2.0, -2.0, 0.0]];
-        let (first, second) =
-            (Triangle { corners: [a, b, c], face: 0 }, Triangle { corners: [b, a, d], face: 1 });
+        let (first, second) = (Triangle { corners: [a, b, c], face: 0 }, Triangle { corners: [b, a, d], face: 1 });
         for origin in [DVec3::ZERO, DVec3::new(0.5, 0.5, 0.0), DVec3::new(-2.0, -2.0, 0.0)] {
             let is_corner = origin.x == -2.0;
             for k in 0..200 {

@@ -67,7 +67,7 @@ mod tests {
     fn corners_edges_insides_and_copies() {
         let (positions, triangles) = scene();
         let p = |k: usize| positions[k].as_dvec3();
-        let mut at = |point| faces_at(&positions, &triangles, [point]).remove(0);
+        let at = |point| faces_at(&positions, &triangles, [point]).remove(0);
         assert_eq!(at(p(0)), [0, 1, 2], "corner");
         assert_eq!(at(p(3)), [1]);
         assert_eq!(at(p(0).midpoint(p(2))), [0, 1, 2], "edge");

@@ -189,19 +189,23 @@ fn faces(many: usize) -> Result<Vec<Case>> {
         cases.push(case(name, &[octant], origin, truth)?);
     }
 
-    // Edges within isolines of all powers of two up to 1024: x = u (|x| + y + z) with u = m/1024, x = m and y + z = 1024 - m.
-    let mut along = Vec::new();
-    for (k, m) in [1, 3, 255, 256, 257, 511, 513, 1023].into_iter().enumerate() {
+    cases.extend(along_isolines()?);
+    Ok(cases)
+}
+
+/// Edges within the isoline u = m/1024, x = m and y + z = 1024 - m: over a whole quadrant of it and over a part. Isolines of
+/// 1024 lines are those of odd m.
+fn along_isolines() -> Result<Vec<Case>> {
+    let mut cases = Vec::new();
+    for m in [1, 256, 513] {
         let rest = 1024 - m;
         let on = |y: i32| Vec3::new(m as f32, y as f32, (rest - y) as f32);
         let apex = Vec3::new(m as f32 * 1.5 + 8.0, rest as f32 * 0.5, rest as f32 * 0.5);
-        along.push((k, [on(0), on(rest), apex], [on(rest / 4), on(3 * rest / 4), apex]));
-    }
-    for (k, whole, part) in along {
-        for (name, triangle) in [("within a quadrant of an isoline", whole), ("within an isoline", part)] {
-            let receivers = Receivers::points([DVec3::X, DVec3::Z, DVec3::Y].map(|n| (DVec3::ZERO, n)));
-            let truth = Truth::Known(closed::rows(&receivers, &[&corners(&triangle)]));
-            cases.push(case(&format!("edge {name}, {k}"), &[triangle], receivers, truth)?);
+        for (part, ends) in [("quadrant", [on(0), on(rest)]), ("part", [on(rest / 4), on(3 * rest / 4)])] {
+            let triangle = [ends[0], ends[1], apex];
+            let origin = Receivers::points([DVec3::X, DVec3::Z, DVec3::Y].map(|n| (DVec3::ZERO, n)));
+            let truth = Truth::Known(closed::rows(&origin, &[&corners(&triangle)]));
+            cases.push(case(&format!("edge along a {part} of isoline {m}/1024"), &[triangle], origin, truth)?);
         }
     }
     Ok(cases)

@@ -73,7 +73,7 @@ fn fill(case: &Case, method: Method, settings: Settings, control: &dyn Control, 
         Truth::AtMost(brighter) => Some(solve(brighter, receivers, method, control)?.rows),
         Truth::Rays => exact,
     };
-    let tolerance = tolerance(method);
+    let tolerances: Vec<f64> = answers.errors.iter().map(|error| floor(method) + STATED * error).collect();
     let mut wrong = Vec::new();
     if let Some(expected) = &expected {
         for (index, (answer, expected)) in answers.rows.iter().zip(expected).enumerate() {
@@ -82,9 +82,10 @@ fn fill(case: &Case, method: Method, settings: Settings, control: &dyn Control, 
                 _ => distance(answer, expected),
             };
             row.worst = row.worst.max(difference);
+            let tolerance = tolerances[index];
             row.strain_by(index, difference / tolerance);
             if difference > tolerance {
-                wrong.push(format!("receiver {index} is off by {difference:.1e}, allowed are {tolerance:.0e}"));
+                wrong.push(format!("receiver {index} is off by {difference:.1e}, allowed are {tolerance:.1e}"));
             }
         }
     }
@@ -98,7 +99,7 @@ fn fill(case: &Case, method: Method, settings: Settings, control: &dyn Control, 
                 return Err(Error::Interrupted);
             }
             control.advance(1);
-            ask_rays(&rays, receivers, index, &answers.rows[index], tolerance, settings)
+            ask_rays(&rays, receivers, index, &answers.rows[index], tolerances[index], settings)
         })
         .collect::<Result<_>>()?;
     for (index, Rays { difference, allowed }) in judged.into_iter().enumerate() {
@@ -121,8 +122,11 @@ fn fill(case: &Case, method: Method, settings: Settings, control: &dyn Control, 
     Ok(())
 }
 
-/// What a method may be off by, in a coefficient or in the ambient occlusion.
-fn tolerance(method: Method) -> f64 {
+/// A good answer may be off by this many times the error it states.
+const STATED: f64 = 4.0;
+
+/// What a method may be off by whatever it states, in a coefficient or in the ambient occlusion.
+fn floor(method: Method) -> f64 {
     match method {
         // Rounding of hundreds of arcs, in scenes whose receivers may be a million sizes away or 1e-12 sizes near.
         Method::Exact => 1e-9,
@@ -136,6 +140,8 @@ fn tolerance(method: Method) -> f64 {
 /// The answers of all receivers.
 struct Answers {
     rows: Vec<Vec<f64>>,
+    /// The largest error that each states.
+    errors: Vec<f64>,
     alarms: u64,
     fallbacks: u64,
 }
@@ -160,8 +166,16 @@ fn solve(geometry: &Geometry, receivers: &Receivers, method: Method, control: &d
     if let Some(occlusion) = outcome.arrays.get("ambient_occlusion") {
         rows.iter_mut().zip(&occlusion.data).for_each(|(row, &value)| row.push(value));
     }
+    let mut errors = vec![0.0f64; rows.len()];
+    for name in ["visibility_sh_error", "ambient_occlusion_error"] {
+        let Some(array) = outcome.arrays.get(name) else { continue };
+        let width = (array.data.len() / rows.len().max(1)).max(1);
+        for (error, stated) in errors.iter_mut().zip(array.data.chunks_exact(width)) {
+            *error = stated.iter().fold(*error, |worst, stated| worst.max(*stated));
+        }
+    }
     let statistics = outcome.statistics;
-    Ok(Answers { rows, alarms: statistics.depth_alarms, fallbacks: statistics.fallbacks.values().sum() })
+    Ok(Answers { rows, errors, alarms: statistics.depth_alarms, fallbacks: statistics.fallbacks.values().sum() })
 }
 
 fn sum(truth: &Truth, method: Method, control: &dyn Control) -> Result<Vec<Vec<f64>>> {
