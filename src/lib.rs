@@ -59,6 +59,7 @@ pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod sphere;
+pub mod stress;
 pub mod visibility;
 
 pub use bake::{Arrays, Method, Outcome, Receivers, Request, integrate};

@@ -1,6 +1,5 @@
 //! The estimates of error beside every result: do they bound the true error, and follow it?
 
-#[expect(dead_code, reason = "each test file uses its own part")]
 #[path = "common/scenes.rs"]
 mod scenes;
 

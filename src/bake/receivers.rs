@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use crate::scene::{Geometry, VertexFaces};
+use crate::scene::{Geometry, VertexFaces, faces_at};
 use crate::visibility::Receiver;
 
 /// The points a result is computed for, in the order of its rows.
@@ -23,11 +23,24 @@ enum OwnFaces {
     One(Vec<u32>),
     /// All faces around each vertex.
     Incident(VertexFaces),
+    /// Any number for each: those of receiver `i` stand at `first[i]..first[i + 1]`.
+    Several { first: Vec<usize>, faces: Vec<u32> },
+}
+
+impl OwnFaces {
+    fn several(lists: Vec<Vec<u32>>) -> Self {
+        let (mut first, mut faces) = (vec![0], Vec::new());
+        for list in lists {
+            faces.extend(list);
+            first.push(faces.len());
+        }
+        Self::Several { first, faces }
+    }
 }
 
 impl Receivers {
     /// Receivers on no surface of the scene: positions are used as given, and so are the
-    /// directions of the normals; what digits in a file leave their lengths short of 1 is made up.
+    /// directions of the normals; what digits in a file leave their lengths short of 1 is made up. See [`Receivers::on_surface`].
     pub fn points(points: impl IntoIterator<Item = (DVec3, DVec3)>) -> Self {
         let (positions, normals) = points.into_iter().map(|(p, n)| (p, n.normalize_or_zero())).unzip();
         Self { positions, normals, ..Self::default() }
@@ -42,6 +55,12 @@ impl Receivers {
     pub fn on_faces(points: impl IntoIterator<Item = (DVec3, DVec3, u32)>) -> Self {
         let (positions, (normals, faces)) = points.into_iter().map(|(p, n, face)| (p, (n, face))).unzip();
         Self { positions, normals, own: OwnFaces::One(faces) }
+    }
+
+    /// Receivers that each lie on some faces, any number of them: the faces that meet in an edge, for instance.
+    pub fn leaving_out(points: impl IntoIterator<Item = (DVec3, DVec3, Vec<u32>)>) -> Self {
+        let (positions, (normals, own)): (_, (_, Vec<_>)) = points.into_iter().map(|(p, n, own)| (p, (n, own))).unzip();
+        Self { positions, normals, own: OwnFaces::several(own) }
     }
 
     /// The vertices of a mesh with their angle-weighted normals; each leaves out its own incident faces.
@@ -65,6 +84,14 @@ impl Receivers {
         (Self { positions, normals, own: OwnFaces::Incident(geometry.vertex_faces()) }, undirected)
     }
 
+    /// The same receivers, each of which leaves out exactly the faces of `geometry` on which it lies: the face it is inside
+    /// of, those that share its edge or corner, and all that coincide there. Decided without tolerance ([`faces_at`]); a face
+    /// elsewhere in the same plane is none of them, nor is one that rounding has set the receiver beside.
+    pub fn on_surface(self, geometry: &Geometry) -> Self {
+        let own = faces_at(&geometry.positions, &geometry.triangles, self.positions.iter().copied());
+        Self { own: OwnFaces::several(own), ..self }
+    }
+
     /// Number of receivers.
     pub fn len(&self) -> usize {
         self.positions.len()
@@ -81,6 +108,7 @@ impl Receivers {
             OwnFaces::None => &[],
             OwnFaces::One(faces) => &faces[index..=index],
             OwnFaces::Incident(faces) => faces.of(index as u32),
+            OwnFaces::Several { first, faces } => &faces[first[index]..first[index + 1]],
         };
         Receiver { position: self.positions[index], normal: self.normals.get(index).copied(), excluded }
     }

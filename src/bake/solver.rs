@@ -131,7 +131,10 @@ impl<'a> Solver<'a> {
         let mut counts = Counts::default();
         self.viewer().face(receiver, &mut memory.view);
         counts.contours = memory.view.contours().arcs.len() as u64;
-        for (number, attempt) in self.attempts().into_iter().enumerate() {
+        // On an edge that is not its own the receiver sees that edge in all directions of a half circle, which the contours
+        // do not tell.
+        let first = if self.is_on_foreign_edge(receiver) { self.attempts().len() - 1 } else { 0 };
+        for (number, attempt) in self.attempts().into_iter().enumerate().skip(first) {
             let alarm = match attempt {
                 Attempt::Isolines { frame } => self.along_isolines(frame, receiver, memory, &mut counts),
                 Attempt::Exact { frame } => self.exactly(frame, receiver, memory, &mut counts),
@@ -150,6 +153,18 @@ impl<'a> Solver<'a> {
             true => Ok(counts),
             false => Err(Error::input(format!("receiver {index}: no method gives a finite result; this is a bug"))),
         }
+    }
+
+    /// Whether the receiver lies, as far as its contours can tell, on an edge or a corner of a face that it does not leave out.
+    fn is_on_foreign_edge(&self, Receiver { position, excluded, .. }: Receiver) -> bool {
+        let mut found = false;
+        self.faces.visit_around(position, |face| {
+            let [a, b, c] = self.faces.corners(face).map(|corner| corner.as_dvec3() - position);
+            let is_between = |a: DVec3, b: DVec3| a.dot(b) <= 0.0 && a.cross(b - a) == DVec3::ZERO;
+            let holds = is_between(a, b) || is_between(b, c) || is_between(c, a);
+            found |= holds && !excluded.contains(&face);
+        });
+        found
     }
 
     /// Solves along isolines; returns whether an alarm fired.

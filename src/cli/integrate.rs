@@ -42,6 +42,7 @@ Writes doubles, row i for point i:
 and with --environment
   irradiance [N, 3]             integral of L V max(0, n.w)
   vector_irradiance [N, 3, 3]   integral of L V [n.w > 0] w; colours, then axes
+A point exactly on a face, an edge or a corner is not hidden by the faces that meet there.
 
 Examples:
   silhouette integrate bunny.obj -o bunny.npz
@@ -75,7 +76,10 @@ impl Integrate {
         let scene = Scene::from_meshes(&self.meshes)?;
         let environment = self.light.load()?;
         let receivers = match &self.points {
-            Some(points) => Receivers::points(load_points(points)?.into_iter().map(|p| (p.position, p.normal))),
+            Some(points) => {
+                let points = load_points(points)?.into_iter().map(|p| (p.position, p.normal));
+                Receivers::points(points).on_surface(&scene.geometry)
+            }
             None => vertices(&scene.geometry),
         };
         let resumed = self.run.resumed(&self.output, &provenance)?;

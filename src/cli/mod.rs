@@ -7,6 +7,7 @@ mod integrate;
 mod interrupt;
 mod options;
 mod render;
+mod stress;
 mod terminal;
 
 use std::io::{self, Write};
@@ -31,6 +32,7 @@ enum Command {
     Integrate(integrate::Integrate),
     Compare(compare::Compare),
     Inspect(inspect::Args),
+    Stress(stress::Stress),
 }
 
 const EXAMPLES: &str = "\
@@ -73,6 +75,7 @@ pub fn run() -> ExitCode {
         Command::Integrate(integrate) => integrate.run(),
         Command::Compare(compare) => compare.run(),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Stress(stress) => stress.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -42,12 +42,13 @@ impl Triangle {
         let [a, b, c] = [p, q, r].map(|corner| corner - origin);
         let [la, lb, lc] = [a, b, c].map(|v| v.x.abs() + v.y.abs() + v.z.abs());
         let (ab, bc, ca) = (direction.dot(a.cross(b)), direction.dot(b.cross(c)), direction.dot(c.cross(a)));
-        let along = sign(direction, a, b, ab, la * lb);
-        if along != sign(direction, b, c, bc, lb * lc) || along != sign(direction, c, a, ca, lc * la) {
+        let normal = || (q - p).cross(r - p);
+        let along = sign(direction, a, b, ab, la * lb, normal);
+        if along != sign(direction, b, c, bc, lb * lc, normal) || along != sign(direction, c, a, ca, lc * la, normal) {
             return None;
         }
         // The ray's line crosses the triangle, with its normal if `along`; does the ray?
-        let seen_from_positive_side = (q - p).cross(r - p).dot(origin - p) >= 0.0;
+        let seen_from_positive_side = normal().dot(origin - p) >= 0.0;
         if along == seen_from_positive_side {
             return None;
         }
@@ -67,19 +68,25 @@ impl Triangle {
     }
 }
 
-/// Whether d.(a x b), of which `value` is a rounding and `size` = |a|_1 |b|_1, counts as positive.
+/// Whether d.(a x b), of which `value` is a rounding and `size` = |a|_1 |b|_1, counts as positive; `normal` is that of the
+/// triangle.
 #[inline(always)]
-fn sign(d: DVec3, a: DVec3, b: DVec3, value: f64, size: f64) -> bool {
-    if value.abs() > EDGE_ERROR * size { value > 0.0 } else { exact_sign(d, a, b) }
+fn sign(d: DVec3, a: DVec3, b: DVec3, value: f64, size: f64, normal: impl Fn() -> DVec3) -> bool {
+    if value.abs() > EDGE_ERROR * size { value > 0.0 } else { exact_sign(d, a, b, normal()) }
 }
 
 #[cold]
-fn exact_sign(d: DVec3, a: DVec3, b: DVec3) -> bool {
+fn exact_sign(d: DVec3, a: DVec3, b: DVec3, normal: DVec3) -> bool {
     let point = |p: DVec3| Coord3D { x: p.x, y: p.y, z: p.z };
     let minor =
         |i: usize, j: usize| orient2d(Coord { x: a[i], y: a[j] }, Coord { x: b[i], y: b[j] }, Coord { x: 0.0, y: 0.0 });
-    // d, then the perturbation's axes by falling size. All are zero for an edge in line with the origin: its triangles are
-    // seen edge-on and their other two edges decide, unless the origin lies on the edge itself.
+    // An edge that holds the origin is seen as from a point moved off the triangle's plane along the normal, by nothing: the
+    // triangle then has that edge's half of the plane's lower side. To first order a x b becomes (b - a) x normal.
+    if a.cross(b) == DVec3::ZERO && a.dot(b) <= 0.0 {
+        return d.dot((b - a).cross(normal)) > 0.0;
+    }
+    // d, then the perturbation's axes by falling size. All are zero for an edge in line with the origin and beside it: its
+    // triangles are seen edge-on and their other two edges decide.
     let terms = [orient3d(point(d), point(a), point(b), point(DVec3::ZERO)), minor(1, 2), minor(2, 0), minor(0, 1)];
     terms.into_iter().find(|&term| term != 0.0).is_none_or(|term| term > 0.0)
 }
@@ -94,9 +101,9 @@ mod tests {
         let a = DVec3::new(1.0 + 2f64.powi(-30), 1.0, 0.0);
         let b = DVec3::new(1.0, 1.0 - 2f64.powi(-30), 0.0);
         assert_eq!(a.cross(b).z, 0.0);
-        assert!(!exact_sign(DVec3::Z, a, b));
-        assert!(exact_sign(-DVec3::Z, a, b));
-        assert!(exact_sign(DVec3::Z, b, a));
+        assert!(!exact_sign(DVec3::Z, a, b, DVec3::X));
+        assert!(exact_sign(-DVec3::Z, a, b, DVec3::X));
+        assert!(exact_sign(DVec3::Z, b, a, DVec3::X));
     }
 
     #[test]
@@ -128,6 +135,26 @@ mod tests {
             let triangle = Triangle { corners: order.map(|k: usize| corners[k]), face: 0 };
             let crossed = |z: f64| triangle.cross(DVec3::ZERO, DVec3::new(0.1, 0.2, z).normalize()).is_some();
             assert_eq!((crossed(-1.0), crossed(1.0)), (down, !down));
+        }
+    }
+
+    /// Seen from on its border a face hides its half of what is below its plane; two that meet there, all of it.
+    #[test]
+    fn a_receiver_on_an_edge_or_corner_counts_as_above_it() {
+        let [a, b, c, d] = [[-2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0], [2.0, -2.0, 0.0]];
+        let (first, second) = (Triangle { corners: [a, b, c], face: 0 }, Triangle { corners: [b, a, d], face: 1 });
+        for origin in [DVec3::ZERO, DVec3::new(0.5, 0.5, 0.0), DVec3::new(-2.0, -2.0, 0.0)] {
+            let is_corner = origin.x == -2.0;
+            for k in 0..200 {
+                let (s, c) = (0.1 + f64::from(k)).sin_cos();
+                let z = [-0.3, 0.4, -2.0, 1.0][k as usize % 4];
+                let w = DVec3::new(c, s, z).normalize();
+                let crossed = [&first, &second].map(|t| t.cross(origin, w).is_some());
+                // From the corner only a quarter of the plane is covered, halved by the diagonal.
+                let covered = !is_corner || c > 0.0 && s > 0.0;
+                let expected = [z < 0.0 && covered && s > c, z < 0.0 && covered && s < c];
+                assert_eq!(crossed, expected, "{origin} {w}");
+            }
         }
     }
 }

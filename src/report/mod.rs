@@ -1,6 +1,7 @@
 //! Tables and pictures of errors.
 
 mod compare;
+mod hemisphere;
 mod inspection;
 mod orthographic;
 mod panel;
@@ -9,6 +10,7 @@ mod plot;
 mod preview;
 
 pub use compare::{Comparison, Difference, Results};
+pub use hemisphere::draw_view;
 pub use inspection::{EnvironmentInspection, Inspection, draw_environment, draw_geometry};
 pub use picture::{Decades, Picture};
 pub use plot::{Curve, Plot};

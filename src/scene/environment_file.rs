@@ -56,10 +56,24 @@ fn load_exr(path: &Path) -> Result<Pixels> {
 }
 
 fn load_hdr(path: &Path) -> Result<Pixels> {
-    let mut reader = image::ImageReader::open(path).map_err(|e| Error::file(path, e))?;
-    reader.set_format(image::ImageFormat::Hdr);
-    reader.no_limits();
-    let image = reader.decode().map_err(|e| Error::file(path, one_line(e)))?.into_rgb32f();
+    /// Pixels that a byte can stand for: run lengths give 16, those of the oldest files, hardly ever, more.
+    const PIXELS_PER_BYTE: u64 = 64;
+    let open = || {
+        let mut reader = image::ImageReader::open(path).map_err(|e| Error::file(path, e))?;
+        reader.set_format(image::ImageFormat::Hdr);
+        reader.no_limits();
+        Ok::<_, Error>(reader)
+    };
+    // The decoder makes room for what the header claims.
+    let (width, height) = open()?.into_dimensions().map_err(|e| Error::file(path, one_line(e)))?;
+    let bytes = std::fs::metadata(path).map_err(|e| Error::file(path, e))?.len();
+    if u64::from(width) * u64::from(height) > PIXELS_PER_BYTE * bytes {
+        return Err(Error::file(
+            path,
+            format!("{width} x {height} pixels in {bytes} bytes; the file is truncated or damaged"),
+        ));
+    }
+    let image = open()?.decode().map_err(|e| Error::file(path, one_line(e)))?.into_rgb32f();
     let (width, height) = (image.width() as usize, image.height() as usize);
     Ok((width, height, image.pixels().map(|p| Vec3::from_array(p.0)).collect()))
 }

@@ -52,28 +52,51 @@ impl FaceTree {
     pub fn visit(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
         let Some((tree, scale)) = &self.tree else { return };
         let slab = Slab { origin: origin * *scale, inverse: direction.recip() };
-        let mut stack = SmallVec::<[u32; 64]>::new();
-        if slab.meets(&tree.nodes[0]) {
-            stack.push(0);
-        }
-        while let Some(index) = stack.pop() {
-            let node = &tree.nodes[index as usize];
-            if node.is_leaf() {
-                let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
-                for &face in &tree.primitive_indices[range] {
-                    if visit(face).is_break() {
-                        return;
-                    }
-                }
-                continue;
-            }
-            stack.extend(
-                [node.first_index, node.first_index + 1]
-                    .into_iter()
-                    .filter(|&child| slab.meets(&tree.nodes[child as usize])),
-            );
-        }
+        descend(tree, |node| slab.meets(node), &mut visit);
     }
+
+    /// Calls `visit` with every face whose box holds `point`, or nearly does, in no particular order.
+    pub fn visit_around(&self, point: DVec3, mut visit: impl FnMut(u32)) {
+        let Some((tree, scale)) = &self.tree else { return };
+        let point = point * *scale;
+        let holds = |node: &Bvh2Node| {
+            let (low, high) = (node.aabb.min.as_dvec3(), node.aabb.max.as_dvec3());
+            let slack = DVec3::splat(slack(low, high, point));
+            (point.cmpge(low - slack) & point.cmple(high + slack)).all()
+        };
+        descend(tree, holds, |face| {
+            visit(face);
+            ControlFlow::Continue(())
+        });
+    }
+}
+
+/// Visits the faces in all leaves whose own box and those above it are `wanted`, until `visit` breaks.
+fn descend(tree: &Bvh2, wanted: impl Fn(&Bvh2Node) -> bool, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
+    let mut stack = SmallVec::<[u32; 64]>::new();
+    if wanted(&tree.nodes[0]) {
+        stack.push(0);
+    }
+    while let Some(index) = stack.pop() {
+        let node = &tree.nodes[index as usize];
+        if node.is_leaf() {
+            let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
+            for &face in &tree.primitive_indices[range] {
+                if visit(face).is_break() {
+                    return;
+                }
+            }
+            continue;
+        }
+        let children = [node.first_index, node.first_index + 1];
+        stack.extend(children.into_iter().filter(|&child| wanted(&tree.nodes[child as usize])));
+    }
+}
+
+/// By how much a box is widened. Beside the rounding of coordinates this covers what scaling the tree's boxes takes from
+/// denormal ones.
+fn slack(low: DVec3, high: DVec3, point: DVec3) -> f64 {
+    SLACK * (low.abs().max(high.abs()).max_element() + point.abs().max_element()) + f64::from(f32::MIN_POSITIVE)
 }
 
 /// Most faces in a leaf: their test costs more than a box's.
@@ -131,7 +154,7 @@ struct Slab {
 impl Slab {
     fn meets(&self, node: &Bvh2Node) -> bool {
         let (low, high) = (node.aabb.min.as_dvec3(), node.aabb.max.as_dvec3());
-        let slack = SLACK * (low.abs().max(high.abs()).max_element() + self.origin.abs().max_element());
+        let slack = slack(low, high, self.origin);
         let (mut near, mut far) = (0.0f64, f64::INFINITY);
         for axis in 0..3 {
             let (low, high) = (low[axis] - slack - self.origin[axis], high[axis] + slack - self.origin[axis]);

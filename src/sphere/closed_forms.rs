@@ -8,6 +8,8 @@ use std::f64::consts::{FRAC_1_PI, PI};
 
 use glam::DVec3;
 
+use super::{BoundaryArc, Order, region_harmonics};
+
 /// Signed solid angle of the triangle (a, b, c), positive when a.(b x c) > 0 (van Oosterom and Strackee 1983, eq. 8).
 /// Corners need no particular length; in (-2 pi, 2 pi].
 pub fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
@@ -25,6 +27,50 @@ pub fn polygon_solid_angle(corners: &[DVec3]) -> f64 {
 /// The part above n.w = 0 is cut out, then Lambert's formula (Lambert 1760; Goral et al. 1984, eq. 16):
 /// F = 1/(2 pi) |sum over edges of angle(a, b) n.(a x b)/|a x b||.
 pub fn polygon_form_factor(corners: &[DVec3], n: DVec3) -> f64 {
+    let above = above_horizon(corners, n);
+    let sum: f64 = (0..above.len())
+        .map(|k| {
+            let (a, b) = (above[k], above[(k + 1) % above.len()]);
+            let normal = a.cross(b);
+            let sine = normal.length();
+            if sine > 0.0 { sine.atan2(a.dot(b)) * n.dot(normal) / sine } else { 0.0 }
+        })
+        .sum();
+    0.5 * FRAC_1_PI * sum.abs()
+}
+
+/// SH coefficients of the directions that a planar convex polygon covers, `order.len()` of them: of its part above n.w = 0
+/// where there is a horizon. The polygon's plane must not hold the receiver.
+pub fn polygon_harmonics(order: Order, corners: &[DVec3], n: Option<DVec3>) -> Vec<f64> {
+    let mut part = n.map_or_else(|| corners.to_vec(), |n| above_horizon(corners, n));
+    let mut harmonics = vec![0.0; order.len()];
+    if part.len() < 3 {
+        return harmonics;
+    }
+    // Any three corners that are not in line tell the winding; the sum over a fan does without choosing them.
+    let fan = part.windows(2).skip(1).map(|edge| triangle_solid_angle(part[0], edge[0], edge[1]));
+    if fan.sum::<f64>() < 0.0 {
+        part.reverse();
+    }
+    let arcs: Vec<BoundaryArc> = (0..part.len())
+        .filter_map(|k| {
+            let (a, b) = (part[k], part[(k + 1) % part.len()]);
+            let normal = a.cross(b - a).try_normalize()?;
+            Some(BoundaryArc { start: a.normalize(), end: b.normalize(), normal })
+        })
+        .collect();
+    // By Girard's theorem, whose angles are well-conditioned where the receiver all but lies on the polygon.
+    let turns = (0..arcs.len()).map(|k| {
+        let (from, to) = (arcs[k], arcs[(k + 1) % arcs.len()]);
+        to.start.dot(from.normal.cross(to.normal)).atan2(from.normal.dot(to.normal))
+    });
+    let solid_angle = 2.0 * PI - turns.sum::<f64>();
+    region_harmonics(order, &arcs, solid_angle, &mut harmonics);
+    harmonics
+}
+
+/// The part of a planar convex polygon above n.w = 0.
+fn above_horizon(corners: &[DVec3], n: DVec3) -> Vec<DVec3> {
     let mut above = Vec::with_capacity(corners.len() + 1);
     for (k, &a) in corners.iter().enumerate() {
         let b = corners[(k + 1) % corners.len()];
@@ -36,15 +82,7 @@ pub fn polygon_form_factor(corners: &[DVec3], n: DVec3) -> f64 {
             above.push(a.lerp(b, ha / (ha - hb)));
         }
     }
-    let sum: f64 = (0..above.len())
-        .map(|k| {
-            let (a, b) = (above[k], above[(k + 1) % above.len()]);
-            let normal = a.cross(b);
-            let sine = normal.length();
-            if sine > 0.0 { sine.atan2(a.dot(b)) * n.dot(normal) / sine } else { 0.0 }
-        })
-        .sum();
-    0.5 * FRAC_1_PI * sum.abs()
+    above
 }
 
 /// Form factor of a disc of `radius` parallel to the receiver's plane at `height` above it, its centre `offset` to the side
@@ -126,6 +164,30 @@ mod tests {
         let long = 1e7;
         let wall = [(-long, -3.0), (long, -3.0), (long, 2.0), (-long, 2.0)].map(|(x, z)| DVec3::new(x, 1.5, z));
         assert!((polygon_form_factor(&wall, DVec3::Z) - wall_form_factor(2.0, 1.5)).abs() < 1e-13);
+    }
+
+    #[test]
+    fn polygon_harmonics_start_with_solid_angle_and_form_factor() {
+        let corners = [(-1.0, -2.0), (3.0, -1.0), (2.0, 2.0), (-1.5, 1.0)].map(|(x, z)| DVec3::new(x, 1.5, z));
+        let order = Order::new(3).unwrap();
+        let y = |harmonics: &[f64], n: DVec3| {
+            // The cosine from band 1: Y_1 = sqrt(3/4pi) (y, z, x).
+            (4.0 * PI / 3.0).sqrt() * DVec3::new(harmonics[3], harmonics[1], harmonics[2]).dot(n) * FRAC_1_PI
+        };
+        for n in [DVec3::Y, DVec3::Z, DVec3::new(0.6, 0.48, -0.64), -DVec3::Y] {
+            for turned in [false, true] {
+                let mut corners = corners.to_vec();
+                if turned {
+                    corners.reverse();
+                }
+                let harmonics = polygon_harmonics(order, &corners, Some(n));
+                assert!((y(&harmonics, n) - polygon_form_factor(&corners, n)).abs() < 1e-14, "{n}");
+            }
+        }
+        let (all, up, down) = (None, Some(DVec3::Z), Some(-DVec3::Z));
+        let [all, up, down] = [all, up, down].map(|n| polygon_harmonics(order, &corners, n));
+        assert!((all[0] * (4.0 * PI).sqrt() - polygon_solid_angle(&corners)).abs() < 1e-14);
+        assert!((0..order.len()).all(|i| (all[i] - up[i] - down[i]).abs() < 1e-14));
     }
 
     #[test]

@@ -22,6 +22,7 @@ pub use foliage::Foliage;
 pub use icosphere::Icosphere;
 pub use knots::Knots;
 pub use plane::Plane;
+pub(crate) use random::Random;
 pub use room::{Opening, Room};
 pub use teapot::Teapot;
 pub use torus_knot::TorusKnot;
