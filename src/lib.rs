@@ -55,6 +55,7 @@ pub mod bake;
 pub mod cli;
 mod error;
 pub mod integrand;
+pub mod proxy;
 pub mod reference;
 pub mod report;
 pub mod scene;
