@@ -6,6 +6,7 @@ mod inspect;
 mod integrate;
 mod interrupt;
 mod options;
+mod proxies;
 mod render;
 mod stress;
 mod terminal;
@@ -32,6 +33,7 @@ enum Command {
     Integrate(integrate::Integrate),
     Compare(compare::Compare),
     Inspect(inspect::Args),
+    Proxies(proxies::Proxies),
     Stress(stress::Stress),
 }
 
@@ -75,6 +77,7 @@ pub fn run() -> ExitCode {
         Command::Integrate(integrate) => integrate.run(),
         Command::Compare(compare) => compare.run(),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Proxies(proxies) => proxies.run(),
         Command::Stress(stress) => stress.run(),
     };
     match result {

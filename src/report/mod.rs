@@ -8,6 +8,7 @@ mod panel;
 mod picture;
 mod plot;
 mod preview;
+mod spheres;
 
 pub use compare::{Comparison, Difference, Results};
 pub use hemisphere::draw_view;
@@ -15,3 +16,4 @@ pub use inspection::{EnvironmentInspection, Inspection, draw_environment, draw_g
 pub use picture::{Decades, Picture};
 pub use plot::{Curve, Plot};
 pub use preview::preview;
+pub use spheres::draw_spheres;
