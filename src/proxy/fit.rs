@@ -299,7 +299,7 @@ impl<'a> Fitting<'a> {
 
         // Whoever has to grow least takes in what nobody holds any more.
         let orphans = self.only_in(taken);
-        self.put(taken, (Ball { center: self.balls[taken].center, radius: -1.0 }, 0.0));
+        self.put(taken, (Ball { center: DVec3::INFINITY, radius: 0.0 }, 0.0));
         let mut adopted = vec![Vec::new(); self.balls.len()];
         for &p in &orphans {
             let growth = |i: usize| self.balls[i].center.distance(p).powi(3) - self.balls[i].radius.powi(3);
@@ -316,8 +316,10 @@ impl<'a> Fitting<'a> {
             changed.push(i);
         }
         let halves = halves(&self.only_in(worst));
-        for (i, half) in [worst, taken].into_iter().zip(&halves).filter(|(_, half)| !half.is_empty()) {
-            let ball = self.least(half, mean(half));
+        for (i, half) in [worst, taken].into_iter().zip(&halves) {
+            // Where there is nothing to share, the ball taken is left without anything to hold.
+            let start = if half.is_empty() { self.balls[worst].center } else { mean(half) };
+            let ball = self.least(half, start);
             self.put(i, ball);
             changed.push(i);
         }

@@ -11,9 +11,10 @@ use crate::scene::{EdgeKind, Geometry};
 ///
 /// The lines run along x over a square grid of [`LINES`] to the longest side of the bounds. Where the mesh is closed, wound
 /// outwards and free of overlaps, a line is inside from where it enters to where it leaves. Any other mesh - open,
-/// non-manifold, wound at random, of bodies that reach into each other - is filled from the outside: from one point of a
-/// grid to the next as long as no face lies between them. Inside is what cannot be reached, so that holes smaller than a
-/// cell are closed and an open sheet encloses nothing.
+/// non-manifold, wound at random, of bodies that reach into each other - is looked at from the points of a grid. Inside
+/// are those that cannot be reached from outside, going from one to the next as long as no face lies between them; and
+/// those that most of six rays along the axes leave through the outsides of faces (after Nooruddin and Turk 2003). The former
+/// need no winding and close holes smaller than a cell, the latter close larger ones; an open sheet encloses nothing.
 pub(super) struct Solid {
     grid: Grid,
     /// Where the intervals of every line start, y first; and where the last one's end.
@@ -46,7 +47,7 @@ impl Solid {
         };
         let is_clean = topology.count(EdgeKind::Manifold) == topology.edges().len()
             && crossings.chunk_by(|a, b| a.line == b.line).all(alternate);
-        let reached = if is_clean { Vec::new() } else { grid.reached(geometry, &crossings) };
+        let inside = if is_clean { Vec::new() } else { grid.inside(geometry, &crossings) };
 
         let mut first = Vec::with_capacity(grid.lines() + 1);
         let mut intervals = Vec::new();
@@ -59,7 +60,7 @@ impl Solid {
                 intervals.extend(here.chunks_exact(2).map(|pair| [pair[0].at, pair[1].at]));
             } else {
                 let cells = grid.counts[0];
-                grid.inside(&reached[line * cells..(line + 1) * cells], here, &mut intervals);
+                grid.stretches(&inside[line * cells..(line + 1) * cells], here, &mut intervals);
             }
         }
         first.push(intervals.len() as u32);
@@ -207,26 +208,42 @@ impl Grid {
         crossings
     }
 
-    /// Which points can be reached from outside, x first.
-    fn reached(&self, geometry: &Geometry, along_x: &[Crossing]) -> Vec<bool> {
+    /// Which points are inside, x first.
+    fn inside(&self, geometry: &Geometry, along_x: &[Crossing]) -> Vec<bool> {
         let [nx, ny, nz] = self.counts;
         let strides = [1, nx, nx * ny];
         let mut blocked = vec![0u8; nx * ny * nz];
-        let mut block = |axis: usize, crossings: &[Crossing]| {
-            for crossing in crossings {
-                let line = crossing.line as usize;
+        let mut votes = vec![0u8; blocked.len()];
+        for axis in 0..3 {
+            let found;
+            let crossings = if axis == 0 {
+                along_x
+            } else {
+                found = self.crossings(geometry, axis);
+                &found
+            };
+            for crossings in crossings.chunk_by(|a, b| a.line == b.line) {
+                let line = crossings[0].line as usize;
                 let base = match axis {
                     0 => line * nx,
                     1 => line / nx * strides[2] + line % nx,
                     _ => line,
                 };
-                blocked[base + self.before(axis, crossing.at) * strides[axis]] |= 1 << axis;
+                let step = |crossing: &Crossing| if crossing.leaves { 1 } else { -1 };
+                let mut ahead: i32 = crossings.iter().map(step).sum();
+                let mut behind = 0;
+                let mut rest = crossings;
+                for i in 0..self.counts[axis] - 1 {
+                    let point = base + i * strides[axis];
+                    votes[point] += u8::from(ahead > 0) + u8::from(behind > 0);
+                    let (here, others) = rest.split_at(rest.partition_point(|c| self.before(axis, c.at) <= i));
+                    rest = others;
+                    blocked[point] |= u8::from(!here.is_empty()) << axis;
+                    let passed: i32 = here.iter().map(step).sum();
+                    (ahead, behind) = (ahead - passed, behind - passed);
+                }
             }
-        };
-        block(0, along_x);
-        // Along y, lines are counted along x first.
-        block(1, &self.crossings(geometry, 1));
-        block(2, &self.crossings(geometry, 2));
+        }
 
         let mut reached = vec![false; blocked.len()];
         let mut pending = vec![0];
@@ -247,18 +264,19 @@ impl Grid {
                 }
             }
         }
-        reached
+        reached.iter().zip(votes).map(|(reached, votes)| !reached || votes > 3).collect()
     }
 
-    /// The stretches of a line that are inside: from the first face before a point inside to the last one after.
-    fn inside(&self, reached: &[bool], crossings: &[Crossing], intervals: &mut Vec<[f64; 2]>) {
+    /// The stretches of a line that are inside: from the first face before a point inside to the last one after, halfway
+    /// between two points where there is none.
+    fn stretches(&self, inside: &[bool], crossings: &[Crossing], intervals: &mut Vec<[f64; 2]>) {
         let between = |i: usize| crossings.iter().filter(move |crossing| self.before(0, crossing.at) == i);
         let middle = |i: usize| self.center(0, i) + 0.5 * self.pitch;
         let mut from = None;
-        for i in 0..reached.len() - 1 {
-            match (reached[i], reached[i + 1]) {
-                (true, false) => from = Some(between(i).next().map_or(middle(i), |crossing| crossing.at)),
-                (false, true) => {
+        for i in 0..inside.len() - 1 {
+            match (inside[i], inside[i + 1]) {
+                (false, true) => from = Some(between(i).next().map_or(middle(i), |crossing| crossing.at)),
+                (true, false) => {
                     let to = between(i).last().map_or(middle(i), |crossing| crossing.at);
                     intervals.extend(from.take().map(|from| [from, to]));
                 }
