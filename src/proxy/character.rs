@@ -112,7 +112,6 @@ impl Character {
     /// A name that no mesh has, the known ones are listed; or nothing left.
     pub fn without(mut self, names: &[String]) -> Result<Self> {
         for name in names {
-            let before = self.parts.len();
             let nodes = &self.nodes;
             if self.parts.iter().all(|part| nodes[part.node].name != *name) {
                 let known: Vec<&str> = self.parts.iter().map(|part| nodes[part.node].name.as_str()).collect();
@@ -120,7 +119,6 @@ impl Character {
                 return Err(Error::file(&self.path, message));
             }
             self.parts.retain(|part| nodes[part.node].name != *name);
-            debug_assert!(self.parts.len() < before);
         }
         match self.parts.is_empty() {
             true => Err(Error::file(&self.path, "no mesh is left")),
@@ -331,4 +329,215 @@ fn read_parts(node: &gltf::Node, in_scene: &[bool], buffers: &[buffer::Data], pa
         parts.push(Part { node: node.index(), mesh, skin });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use glam::{DQuat, Vec3};
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::scene::load_meshes;
+
+    /// A glTF file under construction.
+    #[derive(Default)]
+    struct Document {
+        bytes: Vec<u8>,
+        views: Vec<Value>,
+        accessors: Vec<Value>,
+    }
+
+    impl Document {
+        fn add(&mut self, kind: &str, component: u32, count: usize, bytes: Vec<u8>) -> usize {
+            self.views.push(json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() }));
+            self.bytes.extend(bytes);
+            self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+            let view = self.views.len() - 1;
+            self.accessors.push(json!({
+                "bufferView": view, "componentType": component, "type": kind, "count": count,
+                "min": [-99, -99, -99], "max": [99, 99, 99]
+            }));
+            if kind != "VEC3" {
+                let accessor = self.accessors[view].as_object_mut().unwrap();
+                accessor.remove("min");
+                accessor.remove("max");
+            }
+            view
+        }
+
+        fn floats<const N: usize>(&mut self, kind: &str, values: &[[f32; N]]) -> usize {
+            self.add(kind, 5126, values.len(), values.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect())
+        }
+    }
+
+    /// A tetrahedron at the origin on the joint `root`, one at y = 2 on the joint `tip`, which is moved by (0, 2, 0), and one
+    /// that hangs at the tip without a skin. The clip `bend` turns the tip a quarter about z in a second and doubles its size
+    /// along x by a spline without slopes; `jump` steps the root up by 5 after a second.
+    fn document() -> (Value, Vec<u8>) {
+        let corners = [[0f32, 0., 0.], [0.5, 0., 0.], [0., 0.5, 0.], [0., 0., 0.5]];
+        let upper = corners.map(|[x, y, z]| [x, y + 2.0, z]);
+        let mut document = Document::default();
+        let positions = document.floats("VEC3", &[corners, upper].concat());
+        let faces = [[0u8, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        let indices = [faces, faces.map(|t| t.map(|v| v + 4))].concat();
+        let indices = document.add("SCALAR", 5121, 24, indices.into_flattened());
+        let joints = [[[0u8, 0, 0, 0]; 4], [[1, 0, 0, 0]; 4]].concat();
+        let joints = document.add("VEC4", 5121, 8, joints.into_flattened());
+        let weights = document.floats("VEC4", &[[1f32, 0., 0., 0.]; 8]);
+        let bind = |y: f32| [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., y, 0., 1.];
+        let bind = document.floats("MAT4", &[bind(0.0), bind(-2.0)]);
+        let small = document.floats("VEC3", &corners.map(|p| p.map(|x| 0.2 * x)));
+        let few = document.add("SCALAR", 5121, 12, faces.into_iter().flatten().collect());
+        let times = document.floats("SCALAR", &[[0f32], [1.0]]);
+        let half = 0.5f32.sqrt();
+        let turns = document.floats("VEC4", &[[0f32, 0., 0., 1.], [0., 0., half, half]]);
+        let scales = [[0f32; 3], [1.; 3], [0.; 3], [0.; 3], [2., 1., 1.], [0.; 3]];
+        let scales = document.floats("VEC3", &scales);
+        let jumps = document.floats("VEC3", &[[0f32; 3], [0., 5., 0.]]);
+        let json = json!({
+            "asset": { "version": "2.0" },
+            "scene": 0,
+            "scenes": [{ "nodes": [0, 1] }],
+            "nodes": [
+                { "name": "body", "mesh": 0, "skin": 0 },
+                { "name": "root", "children": [2] },
+                { "name": "tip", "translation": [0, 2, 0], "children": [3] },
+                { "name": "tool", "mesh": 1, "translation": [0, 1, 0] }
+            ],
+            "skins": [{ "joints": [1, 2], "inverseBindMatrices": bind }],
+            "meshes": [
+                { "primitives": [{ "indices": indices, "attributes":
+                    { "POSITION": positions, "JOINTS_0": joints, "WEIGHTS_0": weights } }] },
+                { "primitives": [{ "indices": few, "attributes": { "POSITION": small } }] }
+            ],
+            "animations": [
+                { "name": "bend",
+                  "samplers": [{ "input": times, "output": turns },
+                               { "input": times, "output": scales, "interpolation": "CUBICSPLINE" }],
+                  "channels": [{ "sampler": 0, "target": { "node": 2, "path": "rotation" } },
+                               { "sampler": 1, "target": { "node": 2, "path": "scale" } }] },
+                { "name": "jump",
+                  "samplers": [{ "input": times, "output": jumps, "interpolation": "STEP" }],
+                  "channels": [{ "sampler": 0, "target": { "node": 1, "path": "translation" } }] }
+            ],
+            "accessors": document.accessors,
+            "bufferViews": document.views,
+            "buffers": [{ "byteLength": document.bytes.len(), "uri": "body.bin" }]
+        });
+        (json, document.bytes)
+    }
+
+    fn load_document(change: impl FnOnce(&mut Value)) -> Result<Character> {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut json, bytes) = document();
+        change(&mut json);
+        let path = folder.path().join("body.gltf");
+        fs::write(&path, json.to_string()).unwrap();
+        fs::write(folder.path().join("body.bin"), bytes).unwrap();
+        let character = Character::load(&path)?;
+        // What stands at rest is what the loader of meshes gives.
+        assert_eq!(character.meshes(&character.rest()), load_meshes(&path).unwrap());
+        Ok(character)
+    }
+
+    fn close(found: Vec3, expected: [f64; 3]) {
+        assert!(found.as_dvec3().distance(DVec3::from_array(expected)) < 1e-6, "{found} for {expected:?}");
+    }
+
+    #[test]
+    fn clips_move_vertices_spheres_and_what_hangs_on_a_joint() {
+        let character = load_document(|_| ()).unwrap();
+        let ball = |x: f32, y: f32, radius| Sphere { center: Vec3::new(x, y, 0.0), radius, joint: None };
+        // Around a corner of each body, and one that no vertex is in.
+        let spheres = vec![ball(0.5, 0.0, 0.1), ball(0.5, 2.0, 0.1), ball(0.1, 3.0, 0.05), ball(3.0, 1.9, 0.1)];
+        let set = character.attach(&SphereSet { spheres: spheres.clone(), joints: Vec::new() }).unwrap();
+        let names = set.spheres.iter().map(|s| set.joints[s.joint.unwrap() as usize].name.as_str());
+        assert_eq!(names.collect::<Vec<_>>(), ["root", "tip", "tool", "tip"]);
+        for (rest, sphere) in character.place(&set, &character.rest()).unwrap().iter().zip(&spheres) {
+            close(rest.center, sphere.center.as_dvec3().to_array());
+            assert!((sphere.radius..sphere.radius * 1.001).contains(&rest.radius));
+        }
+
+        let bend = character.clip("bend").unwrap();
+        assert_eq!(bend.duration, 1.0);
+        // Halfway: an eighth of a turn, and half of the way from 1 to 2 along x.
+        let (s, x) = (0.5f64.sqrt(), 0.5 * 1.5);
+        let pose = character.pose(bend, 0.5);
+        let meshes = character.meshes(&pose);
+        close(meshes[0].positions[1], [0.5, 0.0, 0.0]);
+        close(meshes[0].positions[5], [x * s, 2.0 + x * s, 0.0]);
+        close(meshes[1].positions[0], [-s, 2.0 + s, 0.0]);
+        let placed = character.place(&set, &pose).unwrap();
+        close(placed[0].center, [0.5, 0.0, 0.0]);
+        close(placed[1].center, [x * s, 2.0 + x * s, 0.0]);
+        close(placed[2].center, [0.15 * s - s, 2.0 + 0.15 * s + s, 0.0]);
+        assert!((placed[1].radius - 0.15).abs() < 1e-5 && (placed[0].radius - 0.1).abs() < 1e-5);
+        // A quarter: the spline without slopes has 3 t^2 - 2 t^3 of its way behind it.
+        let stretched = 0.5 * (1.0 + 0.15625);
+        let quarter = character.meshes(&character.pose(bend, 0.25))[0].positions[5];
+        assert!((f64::from(quarter.distance(Vec3::new(0.0, 2.0, 0.0))) - stretched).abs() < 1e-6);
+        // Before the first key and after the last one the pose stays.
+        close(character.meshes(&character.pose(bend, -3.0))[0].positions[5], [0.5, 2.0, 0.0]);
+        close(character.meshes(&character.pose(bend, 7.0))[0].positions[5], [0.0, 3.0, 0.0]);
+
+        let jump = character.clip("jump").unwrap();
+        let height = |time| character.meshes(&character.pose(jump, time))[0].positions[0].y;
+        assert_eq!([0.0, 0.999, 1.0].map(height), [0.0, 0.0, 5.0]);
+    }
+
+    #[test]
+    fn the_largest_stretch_is_found() {
+        let turn = |axis: DVec3, angle| DMat3::from_quat(DQuat::from_axis_angle(axis.normalize(), angle));
+        for scale in [DVec3::ONE, DVec3::new(3.0, 1.0, 2.0), DVec3::new(1.0, -4.0, 0.0), DVec3::splat(1e-3)] {
+            let matrix = turn(DVec3::ONE, 0.7) * DMat3::from_diagonal(scale) * turn(DVec3::new(1.0, -2.0, 0.3), 1.9);
+            let expected = scale.abs().max_element();
+            assert!((stretch(matrix) - expected).abs() < 1e-9 * expected, "{scale}");
+        }
+        assert_eq!(stretch(DMat3::ZERO), 0.0);
+    }
+
+    #[test]
+    fn parts_can_be_left_out() {
+        let character = load_document(|_| ()).unwrap();
+        let without =
+            |names: &[&str]| character.clone().without(&names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>());
+        assert_eq!(without(&["tool"]).unwrap().meshes(&character.rest()).len(), 1);
+        let message = without(&["sword"]).unwrap_err().to_string();
+        assert!(message.contains("no mesh is called `sword`; there are body, tool"), "{message}");
+        assert!(without(&["body", "tool"]).unwrap_err().to_string().contains("no mesh is left"));
+    }
+
+    #[test]
+    fn what_is_missing_is_said_in_one_line() {
+        let refused = |change: &dyn Fn(&mut Value), why: &str| {
+            let message = load_document(change).expect_err(why).to_string();
+            assert!(message.contains("body.gltf: ") && message.contains(why) && !message.contains('\n'), "{message}");
+        };
+        refused(&|json| drop(json["nodes"][0].as_object_mut().unwrap().remove("skin")), "no skin in this file");
+        refused(&|json| json["scenes"][0]["nodes"] = json!([0]), "joint node 1 is not in the scene");
+        refused(&|json| json["animations"][0]["samplers"][0]["output"] = json!(0), "clip `bend`, channel 0");
+        refused(&|json| json["animations"][1]["samplers"][0]["output"] = json!(0), "8 values belong to 2 times");
+        refused(&|json| json["animations"][1]["samplers"][0]["interpolation"] = json!("CUBICSPLINE"), "2 values");
+        let unsorted = |json: &mut Value| {
+            let times = json["animations"][0]["samplers"][0]["input"].as_u64().unwrap() as usize;
+            json["accessors"][times]["bufferView"] = json!(0);
+        };
+        refused(&unsorted, "its times do not rise");
+
+        let character = load_document(|_| ()).unwrap();
+        let message = character.clip("walk").unwrap_err().to_string();
+        assert!(message.contains("no clip is called `walk`; there are bend, jump"), "{message}");
+        let still = load_document(|json| drop(json.as_object_mut().unwrap().remove("animations"))).unwrap();
+        let message = still.clip("walk").unwrap_err().to_string();
+        assert!(message.contains("no clip is called `walk`: there are none in this file"), "{message}");
+        let foreign = SphereSet { spheres: Vec::new(), joints: vec![Joint { name: "hips".into(), node: 1 }] };
+        let message = still.place(&foreign, &still.rest()).unwrap_err().to_string();
+        assert!(message.contains("node 1 is not the joint `hips`"), "{message}");
+        let flat = load_document(|json| json["nodes"][2]["scale"] = json!([1, 0, 1])).unwrap();
+        let sphere = Sphere { center: Vec3::new(0.5, 2.0, 0.0), radius: 0.1, joint: None };
+        let message = flat.attach(&SphereSet { spheres: vec![sphere], joints: Vec::new() }).unwrap_err().to_string();
+        assert!(message.contains("joint `tip` is squashed flat"), "{message}");
+    }
 }

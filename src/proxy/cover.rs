@@ -115,3 +115,45 @@ fn meeting(balls: &[Ball], candidates: impl Iterator<Item = u32>, piece: [DVec3;
     };
     candidates.filter(meets).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+
+    use super::*;
+    use crate::scene::GeometryBuilder;
+    use crate::scene::shapes::Plane;
+
+    /// A square with sides of 2 around the origin in y = 0, and a ball for every quarter of it.
+    fn square() -> (Geometry, Vec<Ball>) {
+        let mut builder = GeometryBuilder::default();
+        builder.add(Plane { size: [2.0, 2.0], ..Plane::default() }.mesh().unwrap(), DAffine3::IDENTITY).unwrap();
+        let centers = [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]];
+        let ball = |[x, z]: [f64; 2]| Ball { center: DVec3::new(x, 0.0, z), radius: 0.5f64.sqrt() + 1e-12 };
+        (builder.build(), centers.map(ball).to_vec())
+    }
+
+    #[test]
+    fn a_square_is_covered_by_its_quarters_and_by_nothing_less() {
+        let (square, balls) = square();
+        assert_eq!(uncovered(&square, &balls, 1e-3), None);
+        for i in 0..4 {
+            let mut smaller = balls.clone();
+            smaller[i].radius -= 2e-3;
+            let piece = uncovered(&square, &smaller, 1e-4).expect("a corner is left out");
+            assert!(piece.iter().any(|p| !balls.iter().zip(0..).any(|(ball, k)| k != i && ball.holds(*p))));
+        }
+    }
+
+    #[test]
+    fn balls_grow_until_all_is_covered_and_no_further() {
+        let (square, mut balls) = square();
+        balls.iter_mut().for_each(|ball| ball.radius -= 0.1);
+        cover(&square, &mut balls, 1e-3);
+        assert_eq!(uncovered(&square, &balls, 1e-3), None);
+        // One alone has to reach the corners.
+        let mut alone = [Ball { center: DVec3::ZERO, radius: 0.5 }];
+        cover(&square, &mut alone, 1e-3);
+        assert!((alone[0].radius - 2f64.sqrt()).abs() < 1e-14, "{alone:?}");
+    }
+}

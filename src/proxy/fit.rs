@@ -409,3 +409,148 @@ fn surface_samples(geometry: &Geometry, spacing: f64) -> Vec<DVec3> {
     }
     samples
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+    use glam::{DAffine3, Vec3};
+
+    use super::*;
+    use crate::proxy::{enclosed_volume, outside_volume};
+    use crate::scene::shapes::{Cuboid, Icosphere, Plane, Random, TorusKnot};
+    use crate::scene::{GeometryBuilder, Mesh};
+
+    fn geometry(meshes: impl IntoIterator<Item = (Mesh, DAffine3)>) -> Geometry {
+        let mut builder = GeometryBuilder::default();
+        meshes.into_iter().for_each(|(mesh, place)| builder.add(mesh, place).unwrap());
+        builder.build()
+    }
+
+    fn alone(mesh: Result<Mesh>) -> Geometry {
+        geometry([(mesh.unwrap(), DAffine3::IDENTITY)])
+    }
+
+    fn knot() -> Geometry {
+        alone(TorusKnot { triangles: 1000, ..TorusKnot::default() }.mesh())
+    }
+
+    /// How far a point lies outside of all spheres.
+    fn left_out(p: DVec3, set: &SphereSet) -> f64 {
+        let distances = set.spheres.iter().map(|s| p.distance(s.center.as_dvec3()) - f64::from(s.radius));
+        distances.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Random points of random triangles all lie in some sphere.
+    fn assert_bounds(geometry: &Geometry, set: &SphereSet) {
+        let mut random = Random::new(11);
+        for _ in 0..20_000 {
+            let [a, b, c] = geometry.corners((random.unit() * geometry.triangles.len() as f64) as u32);
+            let (u, v) = (random.unit(), random.unit());
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let p = a + u * (b - a) + v * (c - a);
+            assert!(left_out(p, set) <= 1e-12, "{p} is left out by {}", left_out(p, set));
+        }
+        assert_eq!(SphereSet::uncovered(geometry, &set.spheres, 1e-4), None);
+    }
+
+    #[test]
+    fn one_sphere_is_the_sphere_around_a_ball() {
+        let ball = alone(Icosphere { subdivisions: 3, ..Icosphere::default() }.mesh());
+        let (set, tightness) = fit(&ball, 1, &()).unwrap();
+        let sphere = set.spheres[0];
+        assert!(sphere.center.length() < 5e-3 && (0.0..5e-3).contains(&(sphere.radius - 1.0)), "{sphere:?}");
+        assert_bounds(&ball, &set);
+        // All that is outside lies between the ball and its facets and in the radius beyond 1.
+        let between = 4.0 / 3.0 * PI * f64::from(sphere.radius).powi(3) - enclosed_volume(&ball);
+        assert!(tightness.is_exact && (tightness.total_outside() - between).abs() < 1e-9);
+    }
+
+    #[test]
+    fn eight_spheres_come_within_a_tenth_of_one_in_every_corner_of_a_box() {
+        let cube = alone(Cuboid { size: [2.0; 3], ..Cuboid::default() }.mesh());
+        let (set, tightness) = fit(&cube, 8, &()).unwrap();
+        assert_bounds(&cube, &set);
+        let corner = outside_volume(&cube, DVec3::splat(0.5), 0.75f64.sqrt());
+        assert!(tightness.total_outside() < 1.1 * 8.0 * corner, "{} for {}", tightness.total_outside(), 8.0 * corner);
+        // The inside is held, too: of points at random none is far outside of all spheres.
+        let mut random = Random::new(5);
+        let mut inside = || DVec3::from_array([(); 3].map(|()| random.between(-1.0, 1.0)));
+        assert!((0..5000).all(|_| left_out(inside(), &set) < 0.05));
+    }
+
+    #[test]
+    fn more_spheres_follow_more_closely() {
+        let knot = knot();
+        let outside: Vec<f64> = [4, 16, 64]
+            .into_iter()
+            .map(|count| {
+                let (set, tightness) = fit(&knot, count, &()).unwrap();
+                assert_eq!(set.spheres.len(), count);
+                assert_bounds(&knot, &set);
+                tightness.total_outside() / tightness.volume
+            })
+            .collect();
+        assert!(outside[1] < 0.7 * outside[0] && outside[2] < 0.3 * outside[1], "{outside:?}");
+    }
+
+    #[test]
+    fn meshes_in_any_state_are_bounded() {
+        let shifted = |x: f64| DAffine3::from_translation(DVec3::new(x, 0.2, 0.1));
+        let cube = || Cuboid::default().mesh().unwrap();
+        let mut open = cube();
+        open.triangles.truncate(8);
+        let mut turned = cube();
+        turned.triangles.iter_mut().step_by(2).for_each(|t| t.swap(0, 1));
+        let triangle = Mesh::new("triangle", vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]]);
+        for mesh in [
+            geometry([(cube(), DAffine3::IDENTITY), (cube(), shifted(0.5))]),
+            geometry([(open, DAffine3::IDENTITY)]),
+            geometry([(turned, DAffine3::IDENTITY)]),
+            geometry([(triangle, DAffine3::IDENTITY)]),
+            geometry([(Plane::default().mesh().unwrap(), DAffine3::IDENTITY)]),
+            geometry([(cube(), DAffine3::from_scale(DVec3::splat(1e-12)))]),
+            geometry([(cube(), DAffine3::from_translation(DVec3::splat(1e6)))]),
+        ] {
+            let (set, tightness) = fit(&mesh, 7, &()).unwrap();
+            let diagonal = mesh.bounds().map_or(0.0, |[low, high]| f64::from(low.distance(high)));
+            assert_eq!(SphereSet::uncovered(&mesh, &set.spheres, 1e-4 * diagonal), None);
+            assert!(set.spheres.iter().all(|s| s.radius > 0.0 && s.radius.is_finite() && s.center.is_finite()));
+            assert!(tightness.outside.iter().all(|v| *v >= 0.0 && v.is_finite()));
+        }
+    }
+
+    #[test]
+    fn threads_do_not_matter() {
+        let knot = knot();
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| fit(&knot, 12, &()).unwrap().0)
+        };
+        assert_eq!(on(1), on(3));
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_and_control_is_heeded() {
+        struct StopAfter(AtomicU32);
+        impl Control for StopAfter {
+            fn advance(&self, _: u64) {
+                self.0.fetch_sub(1, Relaxed);
+            }
+            fn cancelled(&self) -> bool {
+                self.0.load(Relaxed) == 0
+            }
+        }
+        let knot = knot();
+        for steps in [0, 5, 12, 30] {
+            let stopped = fit(&knot, 12, &StopAfter(AtomicU32::new(steps)));
+            assert!(matches!(stopped, Err(Error::Interrupted)), "{steps}");
+        }
+        let message = |count| fit(&knot, count, &()).unwrap_err().to_string();
+        assert_eq!(message(0), "0 spheres are asked for; a set has 1 to 4096");
+        assert_eq!(message(5000), "5000 spheres are asked for; a set has 1 to 4096");
+        let nothing = fit(&GeometryBuilder::default().build(), 1, &()).unwrap_err().to_string();
+        assert!(nothing.contains("no triangles"), "{nothing}");
+    }
+}

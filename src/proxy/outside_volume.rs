@@ -122,7 +122,8 @@ mod tests {
         ] {
             let geometry = geometry(mesh);
             for _ in 0..4 {
-                let center = geometry.positions[(random.unit() * 80.0) as usize].as_dvec3() + 0.3 * random.in_ball();
+                let center = geometry.positions[(random.unit() * geometry.positions.len() as f64) as usize].as_dvec3()
+                    + 0.3 * random.in_ball();
                 let radius = random.between(0.3, 1.0);
                 let inside = |p: DVec3| {
                     let corners = (0..geometry.triangles.len() as u32).map(|t| geometry.corners(t).map(|q| q - p));

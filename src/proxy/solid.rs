@@ -309,3 +309,88 @@ fn side(a: Coord<f64>, b: Coord<f64>, p: Coord<f64>) -> bool {
     let order = a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
     if order == Ordering::Greater { orient2d(b, a, p) < 0.0 } else { orient2d(a, b, p) >= 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use glam::DAffine3;
+
+    use super::*;
+    use crate::proxy::outside_volume;
+    use crate::scene::shapes::{Cuboid, Icosphere, Plane, Random, TorusKnot};
+    use crate::scene::{GeometryBuilder, Mesh};
+
+    fn solid(meshes: impl IntoIterator<Item = Mesh>) -> Solid {
+        let mut builder = GeometryBuilder::default();
+        meshes.into_iter().for_each(|mesh| builder.add(mesh, DAffine3::IDENTITY).unwrap());
+        Solid::new(&builder.build())
+    }
+
+    fn cuboid(size: [f64; 3], at: DVec3) -> Mesh {
+        Cuboid { size, ..Cuboid::default() }.mesh().unwrap().transformed(DAffine3::from_translation(at))
+    }
+
+    #[test]
+    fn volumes_of_meshes_in_any_state() {
+        // Along y and z a volume is as good as the pitch, of which there are 192 to the longest side.
+        let is = |meshes: Vec<Mesh>, volume: f64, clean: bool| {
+            let solid = solid(meshes);
+            assert_eq!(solid.is_clean(), clean);
+            assert!((solid.volume() - volume).abs() < 0.02 * volume + 1e-9, "{} for {volume}", solid.volume());
+        };
+        let cube = || cuboid([1.0; 3], DVec3::ZERO);
+        is(vec![cube()], 1.0, true);
+        is(vec![cuboid([2.0, 1.0, 0.5], DVec3::ONE)], 1.0, true);
+        is(vec![cube(), cuboid([1.0; 3], DVec3::new(0.5, 0.0, 0.0))], 1.5, false);
+        is(vec![cube(), cuboid([0.5; 3], DVec3::ZERO)], 1.0, false);
+        let mut inverted = cube();
+        inverted.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        is(vec![inverted], 1.0, false);
+        let mut mixed = cube();
+        mixed.triangles.iter_mut().step_by(2).for_each(|t| t.swap(0, 1));
+        is(vec![mixed], 1.0, false);
+        // One of six sides is missing, and two that are opposite.
+        let mut open = cube();
+        open.triangles.drain(..2);
+        is(vec![open.clone()], 1.0, false);
+        is(vec![Plane::default().mesh().unwrap()], 0.0, false);
+    }
+
+    #[test]
+    fn outside_volume_agrees_with_the_closed_form() {
+        let knot = TorusKnot { triangles: 2000, ..TorusKnot::default() }.mesh().unwrap();
+        let mut builder = GeometryBuilder::default();
+        builder.add(knot.clone(), DAffine3::IDENTITY).unwrap();
+        let (geometry, solid) = (builder.build(), solid([knot]));
+        let mut random = Random::new(9);
+        for _ in 0..20 {
+            let center = geometry.positions[(random.unit() * 900.0) as usize].as_dvec3() + 0.3 * random.in_ball();
+            let radius = random.between(0.2, 1.5);
+            let (found, exact) = (solid.outside_volume(center, radius), outside_volume(&geometry, center, radius));
+            let ball = 4.0 / 3.0 * PI * radius.powi(3);
+            assert!((found - exact).abs() < 0.01 * ball, "{center} {radius}: {found} for {exact}");
+        }
+    }
+
+    #[test]
+    fn unions_count_what_is_shared_once() {
+        let solid = solid([Icosphere::default().mesh().unwrap()]);
+        let ball = |x: f64| Ball { center: DVec3::new(x, 0.0, 0.0), radius: 1.0 };
+        let alone = solid.union_outside_volume(&[ball(0.0)]);
+        assert!((alone - solid.outside_volume(DVec3::ZERO, 1.0)).abs() < 1e-9);
+        assert!((solid.union_outside_volume(&[ball(0.0), ball(0.0)]) - alone).abs() < 1e-9);
+        // Two unit balls a unit apart overlap in 5 pi/12, of which the first lies inside.
+        let both = solid.union_outside_volume(&[ball(0.0), ball(1.0)]);
+        let expected = 4.0 / 3.0 * PI - 5.0 / 12.0 * PI;
+        assert!((both - alone - expected).abs() < 0.01 * expected, "{both} {alone}");
+    }
+
+    #[test]
+    fn samples_lie_inside_and_are_as_many_as_their_cells() {
+        let solid = solid([cuboid([1.0; 3], DVec3::ZERO)]);
+        let samples = solid.samples(0.1);
+        assert!(samples.iter().all(|p| p.abs().max_element() < 0.5));
+        assert!((800..1400).contains(&samples.len()), "{}", samples.len());
+    }
+}
