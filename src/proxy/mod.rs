@@ -1,5 +1,36 @@
 //! Sphere proxies: blockers and bouncers of light that move and deform, where contours would have to be found anew.
+//!
+//! The renderer of Sloan, Govindaraju, Nowrouzezahrai and Snyder, *Image-Based Proxy Accumulation for Real-Time Soft Global
+//! Illumination* (2007), in stages with plain buffers between them.
 
+mod basis;
+mod coverage;
+mod exponential;
+mod exponentiate;
+mod harmonic_buffer;
+mod indirect;
+mod lanes;
+mod light;
+mod proxy;
+mod receivers;
+mod self_shadow;
 mod sphere_set;
+mod splat;
+mod splat_indirect;
+mod zonal_log;
 
+pub use basis::{MAX_BANDS, basis};
+pub use coverage::Coverage;
+pub use exponential::{Exponential, Exponentiator, ONE, OptimalLinear, SquareTerm, matrix_exponential};
+pub use exponentiate::exponentiate;
+pub use harmonic_buffer::HarmonicBuffer;
+pub use indirect::{ExactOperator, IndirectOperator, IndirectTable, averaged_operator, exact_operator};
+pub use lanes::{LANES, Lanes};
+pub use light::{DistantLight, ReflectedLight};
+pub use proxy::{MAX_PROXIES, Proxy, check_proxies};
+pub use receivers::Receivers;
+pub use self_shadow::{ClippedCap, ClippedCapTable, SelfShadowing, clipped_cap};
 pub use sphere_set::{Sphere, SphereSet};
+pub use splat::{SplatCounts, splat};
+pub use splat_indirect::{INDIRECT_LEN, splat_indirect};
+pub use zonal_log::{LogTable, log_visibility};
