@@ -19,8 +19,8 @@ pub struct Receivers {
     pub albedo: [Vec<f32>; 3],
     /// Distance along the view, as in the 2007 paper's z_p.
     pub depth: Vec<f32>,
-    /// Coefficients of a transfer vector: 1/pi integral of V max(0, n.w) y of the static scene, `transfer_len` planes. Without
-    /// any, receivers see all of their hemisphere but for the proxies.
+    /// Coefficients of a transfer vector, integral of V max(0, n.w) y with the visibility V of the static scene: one plane each.
+    /// Without any, receivers see all of their hemisphere but for the proxies.
     pub transfer: Vec<Vec<f32>>,
 }
 
@@ -89,5 +89,23 @@ impl Receivers {
     /// Number of pixels through which something is seen.
     pub fn seen(&self) -> usize {
         self.depth.iter().filter(|depth| **depth < Self::NOTHING).count()
+    }
+
+    /// Copies what is seen at a place of `other` to a place of this buffer.
+    ///
+    /// # Panics
+    /// If the two have transfer vectors of different length, or a place lies outside.
+    pub fn copy(&mut self, to: usize, other: &Self, from: usize) {
+        assert_eq!(self.transfer.len(), other.transfer.len());
+        let planes = [
+            (&mut self.position, &other.position),
+            (&mut self.normal, &other.normal),
+            (&mut self.albedo, &other.albedo),
+        ];
+        for (mine, theirs) in planes {
+            mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| mine[to] = theirs[from]);
+        }
+        self.transfer.iter_mut().zip(&other.transfer).for_each(|(mine, theirs)| mine[to] = theirs[from]);
+        self.depth[to] = other.depth[from];
     }
 }
