@@ -1,6 +1,8 @@
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::lanes::LANES;
+use super::receiver_setup::Rectangle;
 
 /// The points that a camera sees: one per pixel, in planes of single precision.
 ///
@@ -107,5 +109,22 @@ impl Receivers {
         }
         self.transfer.iter_mut().zip(&other.transfer).for_each(|(mine, theirs)| mine[to] = theirs[from]);
         self.depth[to] = other.depth[from];
+    }
+
+    /// Copies a rectangle of pixels from a buffer of the same size.
+    ///
+    /// # Panics
+    /// If the buffers differ in size, or the rectangle lies outside.
+    pub fn copy_rectangle(&mut self, other: &Self, rectangle: &Rectangle) {
+        let stride = self.stride;
+        let mine = self.position.iter_mut().chain(&mut self.normal).chain(&mut self.albedo).chain(&mut self.transfer);
+        let theirs = other.position.iter().chain(&other.normal).chain(&other.albedo).chain(&other.transfer);
+        let planes: Vec<_> = mine.zip(theirs).chain(std::iter::once((&mut self.depth, &other.depth))).collect();
+        planes.into_par_iter().for_each(|(mine, theirs)| {
+            for y in rectangle.rows.clone() {
+                let range = y * stride + rectangle.columns.start..y * stride + rectangle.columns.end;
+                mine[range.clone()].copy_from_slice(&theirs[range]);
+            }
+        });
     }
 }
