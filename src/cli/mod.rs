@@ -1,11 +1,13 @@
 //! The command line: one file per subcommand, no logic.
 
+mod animate;
 mod bake;
 mod compare;
 mod inspect;
 mod integrate;
 mod interrupt;
 mod options;
+mod proxy_options;
 mod render;
 mod stress;
 mod terminal;
@@ -33,6 +35,7 @@ enum Command {
     Compare(compare::Compare),
     Inspect(inspect::Args),
     Stress(stress::Stress),
+    Animate(Box<animate::Animate>),
 }
 
 const EXAMPLES: &str = "\
@@ -76,6 +79,7 @@ pub fn run() -> ExitCode {
         Command::Compare(compare) => compare.run(),
         Command::Inspect(args) => inspect::run(&args),
         Command::Stress(stress) => stress.run(),
+        Command::Animate(animate) => animate.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

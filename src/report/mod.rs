@@ -1,6 +1,7 @@
 //! Tables and pictures of errors.
 
 mod compare;
+mod film;
 mod hemisphere;
 mod inspection;
 mod orthographic;
@@ -10,6 +11,7 @@ mod plot;
 mod preview;
 
 pub use compare::{Comparison, Difference, Results};
+pub use film::Film;
 pub use hemisphere::draw_view;
 pub use inspection::{EnvironmentInspection, Inspection, draw_environment, draw_geometry};
 pub use picture::{Decades, Picture};
