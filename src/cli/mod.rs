@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand, no logic.
 
+mod animate;
 mod bake;
 mod compare;
 mod inspect;
@@ -7,6 +8,7 @@ mod integrate;
 mod interrupt;
 mod options;
 mod proxies;
+mod proxy_options;
 mod render;
 mod stress;
 mod terminal;
@@ -35,6 +37,7 @@ enum Command {
     Inspect(inspect::Args),
     Proxies(proxies::Proxies),
     Stress(stress::Stress),
+    Animate(Box<animate::Animate>),
 }
 
 const EXAMPLES: &str = "\
@@ -79,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Proxies(proxies) => proxies.run(),
         Command::Stress(stress) => stress.run(),
+        Command::Animate(animate) => animate.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -223,6 +223,13 @@ pub fn framing(geometry: &Geometry) -> Result<Camera> {
     Camera::new(centre + towards * distance, centre, DVec3::Y, FOV, [640, 480])
 }
 
+/// So many threads to work on, or as many as there are processors.
+pub fn threads(wanted: Option<usize>) -> Result<ThreadPool> {
+    let threads = wanted.or_else(|| thread::available_parallelism().ok().map(NonZero::get)).unwrap_or(1);
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|error| Error::input(format!("{threads} threads cannot be started ({error}); ask for fewer")))
+}
+
 /// How the computation runs.
 #[derive(Args)]
 #[command(next_help_heading = "Run")]
@@ -244,9 +251,7 @@ pub struct RunOptions {
 impl RunOptions {
     /// The threads to work on.
     pub fn pool(&self) -> Result<ThreadPool> {
-        let threads = self.threads.or_else(|| thread::available_parallelism().ok().map(NonZero::get)).unwrap_or(1);
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.map_err(|error| Error::input(format!("{threads} threads cannot be started ({error}); ask for fewer")))
+        threads(self.threads)
     }
 
     /// What an interrupted run of the same command has kept, if it is wanted.

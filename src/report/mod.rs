@@ -1,6 +1,7 @@
 //! Tables and pictures of errors.
 
 mod compare;
+mod film;
 mod hemisphere;
 mod inspection;
 mod orthographic;
@@ -11,6 +12,7 @@ mod preview;
 mod spheres;
 
 pub use compare::{Comparison, Difference, Results};
+pub use film::Film;
 pub use hemisphere::draw_view;
 pub use inspection::{EnvironmentInspection, Inspection, draw_environment, draw_geometry};
 pub use picture::{Decades, Picture};
