@@ -76,6 +76,7 @@ fn wrong_usage_is_told_apart_from_errors() {
         ("integrate a.obj -o a.npz --threads 0", "--threads"),
         ("integrate a.obj -o a.npz --samples 16", "--samples means nothing to --method isolines"),
         ("integrate a.obj -o a.npz --method qmc --isolines 16", "--isolines means nothing to --method qmc"),
+        ("integrate a.obj -o a.npz --gradients", "--gradients needs --method exact"),
         ("integrate a.obj -o a.npz --rotation 90", "--environment"),
         ("integrate a.obj -o a.npz --environment s.exr --rotation nan", "not a finite number"),
         ("render -o a.png --width 0", "--width"),
@@ -324,9 +325,9 @@ fn integrate_keeps_its_contract() {
             ambient_occlusion: true,
             visibility_sh: true,
             transfer_sh: true,
-            bent_normal: false,
             irradiance: true,
             vector_irradiance: true,
+            ..Request::default()
         };
         let engine = match method {
             "qmc" => Method::Qmc { samples: 128, seed: 0 },
@@ -405,6 +406,14 @@ fn bake_render_inspect_and_compare_write_what_they_promise() {
     for name in ["a.ply", "a.glb"] {
         assert!(succeeds(folder, &format!("inspect {name}")).contains('5'));
     }
+    for name in ["g.npz", "g.ply", "g.exr", "g.glb"] {
+        succeeds(folder, &format!("bake solid.obj -o {name} --order 2 --method exact --gradients"));
+    }
+    let gradients = writers::npz::read(&folder.join("g.npz")).unwrap().arrays;
+    assert_eq!(gradients.get("visibility_sh_gradient").map(|array| array.shape.clone()), Some(vec![7, 4, 3]));
+    assert!(gradients.get("ambient_occlusion_gradient").unwrap().data.iter().any(|&slope| slope.abs() > 0.01));
+    let text = String::from_utf8_lossy(&std::fs::read(folder.join("g.glb")).unwrap()).into_owned();
+    assert!(text.contains("_AMBIENT_OCCLUSION_GRADIENT"));
     succeeds(folder, "bake solid.obj -o b.npz --quantities occlusion --isolines 16 --preview b.png");
     let names: Vec<String> =
         writers::npz::read(&folder.join("b.npz")).unwrap().arrays.iter().map(|array| array.name.clone()).collect();

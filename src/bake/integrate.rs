@@ -29,6 +29,14 @@ pub fn integrate(
     control: &dyn Control,
 ) -> Result<Outcome> {
     let layout = Layout::new(request, receivers.normals.is_empty())?;
+    if request.gradients && method != Method::Exact {
+        return Err(Error::input(
+            "gradients come from the boundary of the visible region: ask the exact method for them",
+        ));
+    }
+    if request.gradients && !(request.ambient_occlusion || request.visibility_sh || request.transfer_sh) {
+        return Err(Error::input("gradients of what? Ask for occlusion, visibility or transfer vectors, too"));
+    }
     let light = match (request.irradiance || request.vector_irradiance, environment) {
         (false, _) => None,
         (true, None) => return Err(Error::input("irradiance was asked for, but there is no environment")),

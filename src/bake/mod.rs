@@ -5,6 +5,7 @@ mod assembly;
 mod baked;
 mod by_rays;
 mod channels;
+mod gradients;
 mod integrate;
 mod layout;
 mod partial;
