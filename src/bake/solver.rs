@@ -81,8 +81,9 @@ impl<'a> Solver<'a> {
     ) -> Result<Self> {
         let solver = Self {
             geometry,
-            edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
+            // In this order the two builds need the least memory.
             faces: FaceTree::new(geometry.positions.clone(), geometry.triangles.clone()),
+            edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
             method,
             assembly: Assembly::new(environment, request, layout)?,
             gradients: request.gradients,

@@ -122,7 +122,7 @@ impl Bake {
             provenance,
         });
         write(&self.output, &baked.in_phase(self.harmonics.phase())?)?;
-        Ok(())
+        Ok(self.run.discard_kept(&self.output)?)
     }
 }
 
