@@ -2,11 +2,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::by_rays::ByRays;
 use super::layout::Layout;
-use super::solver::Solver;
 use super::tiles::{TILE_RADIUS, tiles};
-use super::{Array, Arrays, Control, Method, Outcome, Partial, Receivers, Request, Statistics};
+use super::{Array, Arrays, Control, Method, Outcome, Partial, Prepared, Receivers, Request, Statistics};
 use crate::scene::{Environment, Geometry};
 use crate::{Error, Result};
 
@@ -28,23 +26,7 @@ pub fn integrate(
     resume: Option<Partial>,
     control: &dyn Control,
 ) -> Result<Outcome> {
-    let layout = Layout::new(request, receivers.normals.is_empty())?;
-    let light = match (request.irradiance || request.vector_irradiance, environment) {
-        (false, _) => None,
-        (true, None) => return Err(Error::input("irradiance was asked for, but there is no environment")),
-        (true, light) => light,
-    };
-    let started = Instant::now();
-    match method {
-        Method::Isolines { .. } | Method::Exact => {
-            let baker = Solver::new(geometry, light, request, &layout, method)?;
-            run(&baker, &layout, geometry, receivers, method, request, resume, started, control)
-        }
-        Method::Qmc { samples, seed } => {
-            let baker = ByRays::new(geometry, light, request, &layout, samples, seed)?;
-            run(&baker, &layout, geometry, receivers, method, request, resume, started, control)
-        }
-    }
+    Prepared::new(geometry, environment).integrate(receivers, request, method, resume, control)
 }
 
 /// A method at work on one tile of neighbouring receivers after another.
@@ -87,8 +69,8 @@ impl std::ops::AddAssign for Counts {
 /// What is tried after an alarm, in this order.
 const FALLBACKS: [&str; 3] = ["rotated_frame", "other_method", "rays"];
 
-#[expect(clippy::too_many_arguments, reason = "the parts of one call of `integrate`, split off for the generic method")]
-fn run<B: Baker>(
+#[expect(clippy::too_many_arguments, reason = "the parts of one integration, split off for the generic method")]
+pub(super) fn run<B: Baker>(
     baker: &B,
     layout: &Layout,
     geometry: &Geometry,

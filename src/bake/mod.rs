@@ -3,12 +3,15 @@
 mod arrays;
 mod assembly;
 mod baked;
+#[cfg(feature = "embree")]
+mod by_embree;
 mod by_rays;
 mod channels;
 mod integrate;
 mod layout;
 mod partial;
 mod pixels;
+mod prepared;
 mod progress;
 mod provenance;
 mod receivers;
@@ -24,6 +27,7 @@ pub use channels::{components, flip_phase};
 pub use integrate::integrate;
 pub use partial::Partial;
 pub use pixels::Pixels;
+pub use prepared::Prepared;
 pub use progress::Control;
 pub use provenance::{Phase, Provenance};
 pub use receivers::Receivers;

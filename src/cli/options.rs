@@ -13,6 +13,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::bake::writers::atomically;
 use crate::bake::{Arrays, Method, Outcome, Partial, Phase, Provenance, Receivers};
+use crate::reference::EmbreeVariant;
 use crate::scene::{Camera, Environment, Geometry, Scene, UpAxis};
 use crate::{Error, Result};
 
@@ -44,6 +45,8 @@ enum MethodName {
     Exact,
     /// Quasi-Monte Carlo by ray casting: the independent judge
     Qmc,
+    /// The same on Embree 3, in builds with the feature `embree`: the peer
+    Embree,
 }
 
 impl MethodOptions {
@@ -59,8 +62,15 @@ impl MethodOptions {
             MethodName::Exact if self.seed.is_some() => Err(stray("--seed", "exact")),
             MethodName::Exact => Ok(Method::Exact),
             MethodName::Qmc if self.isolines.is_some() => Err(stray("--isolines", "qmc")),
+            MethodName::Embree if self.isolines.is_some() => Err(stray("--isolines", "embree")),
             MethodName::Qmc => {
                 Ok(Method::Qmc { samples: self.samples.unwrap_or(1024), seed: self.seed.unwrap_or_default() })
+            }
+            MethodName::Embree => {
+                let (samples, seed) = (self.samples.unwrap_or(1024), self.seed.unwrap_or_default());
+                let method = Method::Embree { samples, seed, variant: EmbreeVariant::default() };
+                method.check()?;
+                Ok(method)
             }
         }
     }
@@ -74,7 +84,9 @@ pub fn provenance(method: Method) -> Provenance {
     match method {
         Method::Isolines { lines } => provenance.with("isolines", lines),
         Method::Exact => provenance,
-        Method::Qmc { samples, seed } => provenance.with("samples", samples).with("seed", seed),
+        Method::Qmc { samples, seed } | Method::Embree { samples, seed, .. } => {
+            provenance.with("samples", samples).with("seed", seed)
+        }
     }
 }
 
