@@ -14,7 +14,14 @@ use crate::sphere::Order;
 pub(super) struct EmbreeScenes([[OnceLock<EmbreeScene>; 2]; 2]);
 
 impl EmbreeScenes {
-    fn get(&self, geometry: &Geometry, quality: EmbreeQuality, filters: bool) -> Result<&EmbreeScene> {
+    /// The tree for these receivers.
+    pub(super) fn get(
+        &self,
+        geometry: &Geometry,
+        quality: EmbreeQuality,
+        receivers: &Receivers,
+    ) -> Result<&EmbreeScene> {
+        let filters = (0..receivers.len()).any(|index| !receivers.get(index).excluded.is_empty());
         let slot = &self.0[usize::from(quality == EmbreeQuality::High)][usize::from(filters)];
         if slot.get().is_none() {
             // Whoever comes second finds the same built.
@@ -52,8 +59,7 @@ impl<'a> ByEmbree<'a> {
         variant: EmbreeVariant,
     ) -> Result<Self> {
         let EmbreeVariant { kernel, quality } = variant;
-        let filters = (0..receivers.len()).any(|index| !receivers.get(index).excluded.is_empty());
-        let scene = prepared.embree().get(prepared.geometry(), quality, filters)?;
+        let scene = prepared.embree().get(prepared.geometry(), quality, receivers)?;
         let order = Order::new(request.order)?;
         let request = reference::Request::of(request, order);
         let probes = receivers.normals.is_empty();

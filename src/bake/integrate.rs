@@ -1,5 +1,6 @@
 use std::time::Instant;
 
+use cpu_time::ProcessTime;
 use rayon::prelude::*;
 
 use super::layout::Layout;
@@ -90,7 +91,7 @@ pub(super) fn run<B: Baker>(
     let build_seconds = started.elapsed().as_secs_f64();
 
     control.begin("integrating", todo.len() as u64);
-    let started = Instant::now();
+    let (started, processor) = (Instant::now(), ProcessTime::try_now());
     let finished: Vec<Option<(Vec<f64>, Counts)>> = tiles
         .par_iter()
         .map_init(B::Memory::default, |memory, tile| {
@@ -104,6 +105,11 @@ pub(super) fn run<B: Baker>(
         })
         .collect::<Result<_>>()?;
     let integrate_seconds = started.elapsed().as_secs_f64();
+    // Where there is no such clock, all threads are taken to have worked all the time.
+    let processor_seconds = match processor.and_then(|clock| clock.try_elapsed()) {
+        Ok(time) => time.as_secs_f64(),
+        Err(_) => integrate_seconds * rayon::current_num_threads() as f64,
+    };
 
     let (mut counts, mut solved) = (Counts::default(), 0);
     for (tile, finished) in tiles.iter().zip(finished) {
@@ -127,9 +133,12 @@ pub(super) fn run<B: Baker>(
         threads: rayon::current_num_threads(),
         build_seconds,
         integrate_seconds,
+        processor_seconds,
         contours_per_receiver: counts.contours as f64 / solved.max(1) as f64,
         depth_alarms: counts.depth_alarms,
         fallbacks: FALLBACKS.iter().zip(counts.fallbacks).map(|(name, count)| ((*name).to_owned(), count)).collect(),
+        plan: None,
+        estimated_error: None,
         skipped: skipped.into_iter().map(|(name, count)| (name.to_owned(), count)).collect(),
     };
     let done = std::mem::take(&mut rows.done);

@@ -1,11 +1,9 @@
 use std::time::Instant;
 
-use cpu_time::ProcessTime;
-use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 
-use super::tiles::{TILE_RADIUS, tiles};
-use super::{Arrays, Control, Method, Prepared, Receivers, Request};
+use super::pilot::{Level, Pilot};
+use super::{Control, Method, Prepared, Receivers, Request};
 use crate::reference::EmbreeVariant;
 use crate::{Error, Result};
 
@@ -93,7 +91,7 @@ impl Family {
     }
 
     /// Two counts at which it is measured, far enough apart to tell how error and time go on.
-    fn levels(self) -> [u32; 2] {
+    pub(super) fn levels(self) -> [u32; 2] {
         match self {
             Self::Isolines => [32, 128],
             Self::Exact => [0; 2],
@@ -120,29 +118,16 @@ impl Family {
     }
 }
 
-/// One family measured at one count.
-#[derive(Clone, Copy, Debug, Default)]
-struct Level {
-    count: f64,
-    /// Processor time per receiver.
-    seconds: f64,
-    /// Time of building what depends on the count.
-    build: f64,
-    rmse: f64,
-    /// Root mean square of the errors that the method states.
-    stated: f64,
-}
-
 /// How a family's error and time depend on its count.
 #[derive(Clone, Copy, Debug)]
-struct Law {
+pub(super) struct Law {
     family: Family,
     levels: [Level; 2],
     exponent: f64,
 }
 
 impl Law {
-    fn new(family: Family, levels: [Level; 2]) -> Self {
+    pub(super) fn new(family: Family, levels: [Level; 2]) -> Self {
         let [coarse, fine] = levels;
         let exponent = (coarse.stated / fine.stated).ln() / (fine.count / coarse.count).ln();
         let credible = family.exponents();
@@ -158,7 +143,7 @@ impl Law {
         fine * (self.levels[1].count / count).powf(self.exponent)
     }
 
-    fn count(&self, error: f64) -> u32 {
+    pub(super) fn count(&self, error: f64) -> u32 {
         let [_, fine] = self.levels;
         self.family.round(fine.count * (self.error(fine.count) / error).powf(1.0 / self.exponent))
     }
@@ -172,7 +157,7 @@ impl Law {
         line.max(coarse.seconds * (count / coarse.count).min(1.0))
     }
 
-    fn candidate(&self, error: f64, receivers: usize) -> Candidate {
+    pub(super) fn candidate(&self, error: f64, receivers: usize) -> Candidate {
         let count = self.count(error);
         let [coarse, fine] = self.levels;
         let build = fine.build * f64::from(count) / fine.count;
@@ -186,11 +171,21 @@ impl Law {
     }
 }
 
+impl Candidate {
+    /// The exact method, as measured for `all` receivers.
+    pub(super) fn exact(level: Level, all: usize) -> Self {
+        Self {
+            family: Family::Exact,
+            count: 0,
+            expected_error: level.stated,
+            expected_seconds: level.build + all as f64 * level.seconds,
+            share_of_stated: 1.0,
+        }
+    }
+}
+
 /// By how much the errors that are aimed for lie below those asked for: what the pilot's few receivers may miss.
 const MARGIN: f64 = 1.1;
-/// Most receivers that are measured, and the share of all that may be.
-const PILOT: usize = 512;
-const PILOT_SHARE: usize = 64;
 /// No ray costs less, in seconds: sorted packets in a scene of a few triangles.
 const LEAST_RAY: f64 = 15e-9;
 /// Rays have at least this error times N^-3/4 in scenes where anything is hidden.
@@ -217,10 +212,12 @@ impl Prepared<'_> {
         control.begin("planning", 0);
         let mut pilot = Pilot::new(self, receivers, request, control)?;
         let aim = goal.error / MARGIN;
+        // Only the boundary of the visible region gives gradients.
+        let family = if request.gradients { Some(Family::Exact) } else { goal.family };
         let rays = if cfg!(feature = "embree") { Family::Embree } else { Family::Qmc };
         let mut candidates: Vec<Candidate> = Vec::new();
         let all = receivers.len();
-        match goal.family {
+        match family {
             Some(family) => candidates.push(pilot.try_family(family, aim, all)?),
             None => {
                 // What rays cost at least, and the contours' build at least, decides whether either needs to be tried.
@@ -236,7 +233,7 @@ impl Prepared<'_> {
                     if candidates.len() == 1 && least_rays < seconds {
                         candidates.push(pilot.try_family(rays, aim, all)?);
                     }
-                    if LEAST_EXACT * pilot.contours * all as f64 < seconds {
+                    if LEAST_EXACT * pilot.contours() * (all as f64) < seconds {
                         candidates.push(pilot.try_family(Family::Exact, aim, all)?);
                     }
                 }

@@ -7,7 +7,7 @@ use super::by_rays::ByRays;
 use super::integrate::run;
 use super::layout::Layout;
 use super::solver::Solver;
-use super::{Control, Method, Outcome, Partial, Receivers, Request};
+use super::{Control, Family, Method, Outcome, Partial, Receivers, Request};
 use crate::reference::RayScene;
 use crate::scene::{Environment, FaceTree, Geometry};
 use crate::visibility::Viewer;
@@ -55,6 +55,14 @@ impl<'a> Prepared<'a> {
     ) -> Result<Outcome> {
         method.check()?;
         let layout = Layout::new(request, receivers.normals.is_empty())?;
+        if request.gradients && method != Method::Exact {
+            return Err(Error::input(
+                "gradients come from the boundary of the visible region: ask the exact method for them",
+            ));
+        }
+        if request.gradients && !(request.ambient_occlusion || request.visibility_sh || request.transfer_sh) {
+            return Err(Error::input("gradients of what? Ask for occlusion, visibility or transfer vectors, too"));
+        }
         let light = match (request.irradiance || request.vector_irradiance, self.environment) {
             (false, _) => None,
             (true, None) => return Err(Error::input("irradiance was asked for, but there is no environment")),
@@ -78,6 +86,21 @@ impl<'a> Prepared<'a> {
             }
             #[cfg(not(feature = "embree"))]
             Method::Embree { .. } => unreachable!("it has just been refused"),
+        }
+    }
+
+    /// Builds what `family` searches in, on all threads.
+    pub(super) fn build(&self, family: Family, receivers: &Receivers) -> Result<()> {
+        match family {
+            Family::Isolines | Family::Exact => self.viewer().map(|_| ()),
+            Family::Qmc => {
+                self.rays();
+                Ok(())
+            }
+            #[cfg(feature = "embree")]
+            Family::Embree => self.embree.get(self.geometry, Default::default(), receivers).map(|_| ()),
+            #[cfg(not(feature = "embree"))]
+            Family::Embree => family.method(0).check(),
         }
     }
 

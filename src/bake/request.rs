@@ -21,6 +21,10 @@ pub struct Request {
     pub irradiance: bool,
     /// `vector_irradiance`, `[N, 3 colours, 3 axes]`: integral of `L V [n.w > 0] w`.
     pub vector_irradiance: bool,
+    /// Beside each of `ambient_occlusion`, `visibility_sh` and `transfer_sh` that is asked for, `NAME_gradient`, with an axis of
+    /// three more: its derivative by the receiver's position, per unit of length of the scene, the normal kept. By
+    /// [`Method::Exact`] only.
+    pub gradients: bool,
 }
 
 impl Default for Request {
@@ -34,6 +38,7 @@ impl Default for Request {
             bent_normal: false,
             irradiance: false,
             vector_irradiance: false,
+            gradients: false,
         }
     }
 }

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::Method;
 use super::assembly::{Assembly, Seen};
+use super::gradients::Gradients;
 use super::integrate::{Baker, Counts};
 use super::layout::Layout;
 use super::{Prepared, Receivers, Request};
@@ -22,6 +23,7 @@ pub(super) struct Solver<'a> {
     viewer: Viewer<'a>,
     method: Method,
     assembly: Assembly<'a>,
+    gradients: bool,
     layout: &'a Layout,
     lines: OnceLock<Lines>,
     region_light: OnceLock<LightRegion>,
@@ -57,6 +59,9 @@ pub(super) struct Memory {
     /// Harmonics over the isolines of even and of odd number.
     sets: [Vec<f64>; 2],
     seen: Seen,
+    gradients: Gradients,
+    /// For looks at a receiver's neighbourhood, which leave the tile's search alone.
+    aside: View,
 }
 
 impl<'a> Solver<'a> {
@@ -72,6 +77,7 @@ impl<'a> Solver<'a> {
             viewer: prepared.viewer()?,
             method,
             assembly: Assembly::new(environment, request, layout)?,
+            gradients: request.gradients,
             layout,
             lines: OnceLock::new(),
             region_light: OnceLock::new(),
@@ -129,6 +135,9 @@ impl<'a> Solver<'a> {
                 Attempt::Rays => self.by_rays(index, receiver, &mut memory.seen)?,
             };
             if !alarm {
+                if self.gradients && !matches!(attempt, Attempt::Exact { .. }) {
+                    self.differentiate(receiver, memory);
+                }
                 counts.depth_alarms = u64::from(number > 0);
                 if let Some(fallback) = number.checked_sub(1) {
                     counts.fallbacks[fallback] = 1;
@@ -137,6 +146,9 @@ impl<'a> Solver<'a> {
             }
         }
         self.assembly.fill(&memory.seen, receiver.normal, row);
+        if self.gradients {
+            self.assembly.fill_gradients(&memory.gradients, receiver.normal, row);
+        }
         match row.iter().all(|value| value.is_finite()) {
             true => Ok(counts),
             false => Err(Error::input(format!("receiver {index}: no method gives a finite result; this is a bug"))),
@@ -162,7 +174,7 @@ impl<'a> Solver<'a> {
             Lines::new(isolines, &self.assembly)
         });
         let frame = Frame::facing(receiver.normal, frame);
-        let Memory { view, moments, sets, seen } = memory;
+        let Memory { view, moments, sets, seen, .. } = memory;
         let mut harmonics = lines.harmonics.as_ref().map(|table| {
             let moments = moments.get_or_insert_with(|| LineMoments::new(table));
             (table, moments)
@@ -219,7 +231,7 @@ impl<'a> Solver<'a> {
 
     /// Solves exactly; returns whether an alarm fired.
     fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
-        let Memory { view, seen, .. } = memory;
+        let Memory { view, seen, gradients, .. } = memory;
         let has_contours = !view.contours().arcs.is_empty();
         let region = self.viewer.solve(frame, receiver, view);
         let residuals = region.residuals();
@@ -246,8 +258,24 @@ impl<'a> Solver<'a> {
             seen.light = vectors;
             seen.light_error = error + (rounding + missed) * scale;
         }
+        let alarm = residuals.alarm();
         let is_finite = seen.visibility.iter().all(|v| v.is_finite()) && seen.light.iter().all(|v| v.is_finite());
-        residuals.alarm() || !is_finite
+        let mut is_smooth = true;
+        if let (true, Some(bands)) = (self.gradients, self.assembly.bands) {
+            gradients.take(bands, view, missed);
+            is_smooth = gradients.error.is_finite() && gradients.by_axis.iter().flatten().all(|g| g.is_finite());
+        }
+        alarm || !is_finite || !is_smooth
+    }
+
+    /// Gradients where the exact method has none: from its results nearby.
+    fn differentiate(&self, receiver: Receiver, memory: &mut Memory) {
+        /// Of the scene's diagonal: rounding errors of the differences are below 1e-9 of a harmonic's largest slope.
+        const STEP: f64 = 1e-5;
+        let (Some(bands), Some([low, high])) = (self.assembly.bands, self.prepared.geometry().bounds()) else { return };
+        let step = STEP * low.as_dvec3().distance(high.as_dvec3());
+        let Memory { gradients, aside, .. } = memory;
+        gradients.take_differences(bands, self.viewer, receiver, step, aside);
     }
 
     /// Solves by rays, which raise no alarm.

@@ -31,6 +31,9 @@ pub struct Bake {
     /// Picture of the result under a built-in sky [default: beside OUT for the built-in scene, else none]
     #[arg(long, value_name = "PNG")]
     preview: Option<PathBuf>,
+    /// Derivatives by the position as well: NAME_gradient beside occlusion, visibility and transfer vectors
+    #[arg(long)]
+    gradients: bool,
     #[command(flatten)]
     method: MethodOptions,
     #[command(flatten)]
@@ -71,7 +74,7 @@ Examples:
 impl Bake {
     /// Bakes and writes the file, and the preview.
     pub fn run(&self) -> std::result::Result<(), Failure> {
-        let method = self.method.method()?;
+        let method = self.method.method_with(self.gradients)?;
         check_target(&self.output, Layout::Vertices)?;
         let preview = match (&self.preview, &self.scene) {
             (None, None) => Some(self.output.with_extension("png")),
@@ -87,11 +90,12 @@ impl Bake {
             visibility_sh: wanted(Quantity::Visibility),
             transfer_sh: wanted(Quantity::Transfer) || preview.is_some(),
             bent_normal: wanted(Quantity::BentNormal),
-            irradiance: false,
-            vector_irradiance: false,
+            gradients: self.gradients,
+            ..Request::default()
         };
         let name = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
-        let provenance = provenance(method).with("order", request.order).with("scene", name);
+        let provenance =
+            provenance(method).with("order", request.order).with("scene", name).with("gradients", self.gradients);
         let scene = scene(self.scene.as_deref())?;
         let receivers = vertices(&scene.geometry);
 

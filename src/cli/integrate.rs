@@ -24,6 +24,9 @@ pub struct Integrate {
     /// Receivers: .npy of N x 6, or text with six columns: position and unit normal [default: all vertices]
     #[arg(long, value_name = "FILE")]
     points: Option<PathBuf>,
+    /// Derivatives by the position as well: NAME_gradient beside occlusion, visibility and transfer vectors
+    #[arg(long)]
+    gradients: bool,
     #[command(flatten)]
     method: MethodOptions,
     #[command(flatten)]
@@ -42,18 +45,21 @@ Writes doubles, row i for point i:
 and with --environment
   irradiance [N, 3]             integral of L V max(0, n.w)
   vector_irradiance [N, 3, 3]   integral of L V [n.w > 0] w; colours, then axes
+and with --gradients (--method exact), per unit of length of the scene
+  ambient_occlusion_gradient [N, 3], visibility_sh_gradient and transfer_sh_gradient [N, order^2, 3]
 A point exactly on a face, an edge or a corner is not hidden by the faces that meet there.
 
 Examples:
   silhouette integrate bunny.obj -o bunny.npz
   silhouette integrate bunny.obj --points probes.npy --isolines 512 -o probes.npz
   silhouette integrate a.glb b.ply --environment sky.exr --up z --stats stats.json -o light.npz
+  silhouette integrate bunny.obj --points probes.npy --method exact --gradients -o probes.npz
   silhouette integrate bunny.obj --method qmc --samples 65536 -o judge.npz";
 
 impl Integrate {
     /// Integrates and writes the archive.
     pub fn run(&self) -> Result<(), Failure> {
-        let method = self.method.method()?;
+        let method = self.method.method_with(self.gradients)?;
         if Format::of(&self.output, Layout::Vertices)? != Format::Npz {
             return Err(Error::file(&self.output, "integrate writes .npz").into());
         }
@@ -67,10 +73,15 @@ impl Integrate {
             bent_normal: false,
             irradiance: lit,
             vector_irradiance: lit,
+            gradients: self.gradients,
         };
         let meshes = self.meshes.iter().map(|mesh| mesh.display().to_string()).collect::<Vec<_>>().join(", ");
         let points = self.points.as_ref().map_or("vertices".into(), |points| points.display().to_string());
-        let provenance = provenance(method).with("order", request.order).with("meshes", meshes).with("points", points);
+        let provenance = provenance(method)
+            .with("order", request.order)
+            .with("meshes", meshes)
+            .with("points", points)
+            .with("gradients", self.gradients);
         let provenance = self.light.record(provenance);
 
         let scene = Scene::from_meshes(&self.meshes)?;

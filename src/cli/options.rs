@@ -50,6 +50,15 @@ enum MethodName {
 }
 
 impl MethodOptions {
+    /// The method with its settings, which must give gradients if those are wanted.
+    pub fn method_with(&self, gradients: bool) -> std::result::Result<Method, Failure> {
+        match self.method()? {
+            Method::Exact => Ok(Method::Exact),
+            _ if gradients => Err(Failure::Usage("--gradients needs --method exact".into())),
+            method => Ok(method),
+        }
+    }
+
     /// The method with its settings.
     pub fn method(&self) -> std::result::Result<Method, Failure> {
         let stray = |option: &str, method: &str| Failure::Usage(format!("{option} means nothing to --method {method}"));

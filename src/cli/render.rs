@@ -73,15 +73,7 @@ impl Render {
             let message = "--show light needs an environment: name one by --environment or in the scene file";
             return Err(Failure::Usage(message.into()));
         }
-        let request = Request {
-            order: 1,
-            ambient_occlusion: !light,
-            visibility_sh: false,
-            transfer_sh: false,
-            bent_normal: false,
-            irradiance: light,
-            vector_irradiance: false,
-        };
+        let request = Request { order: 1, ambient_occlusion: !light, irradiance: light, ..Request::default() };
         let camera = match &scene.camera {
             Some(camera) => camera.clone(),
             None => framing(&scene.geometry)?,

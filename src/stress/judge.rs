@@ -148,15 +148,8 @@ struct Answers {
 
 fn solve(geometry: &Geometry, receivers: &Receivers, method: Method, control: &dyn Control) -> Result<Answers> {
     let is_directed = !receivers.normals.is_empty();
-    let request = bake::Request {
-        order: ORDER,
-        ambient_occlusion: is_directed,
-        visibility_sh: true,
-        transfer_sh: false,
-        bent_normal: false,
-        irradiance: false,
-        vector_irradiance: false,
-    };
+    let request =
+        bake::Request { order: ORDER, ambient_occlusion: is_directed, visibility_sh: true, ..bake::Request::default() };
     let outcome = bake::integrate(geometry, None, receivers, &request, method, None, control)?;
     if !outcome.done.iter().all(|&done| done) {
         return Err(Error::Interrupted);

@@ -55,6 +55,11 @@ impl View {
     pub fn contours(&self) -> &ReceiverContours {
         &self.projected
     }
+
+    /// The visible region that was last solved.
+    pub fn region(&self) -> &Region {
+        self.exact.region()
+    }
 }
 
 impl Viewer<'_> {
