@@ -32,7 +32,7 @@ pub use partial::Partial;
 pub use pixels::Pixels;
 pub use plan::{Candidate, Family, Goal, Plan, PlanReport};
 pub use prepared::Prepared;
-pub use progress::Control;
+pub use progress::{Control, Unmoved};
 pub use provenance::{Phase, Provenance};
 pub use receivers::Receivers;
 pub use request::{Method, Outcome, Request};

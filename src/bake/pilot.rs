@@ -1,11 +1,10 @@
-use std::cell::Cell;
 use std::time::Instant;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::plan::{Candidate, Family, Law};
 use super::tiles::{TILE_RADIUS, tiles};
-use super::{Arrays, Control, Outcome, Prepared, Receivers, Request};
+use super::{Arrays, Control, Outcome, Prepared, Receivers, Request, Unmoved};
 use crate::{Error, Result};
 
 /// A few receivers on which methods are measured before one is chosen for all.
@@ -13,13 +12,14 @@ pub(super) struct Pilot<'a> {
     prepared: &'a Prepared<'a>,
     request: &'a Request,
     control: &'a dyn Control,
-    pub(super) receivers: Receivers,
+    /// A few from many tiles: they show errors.
+    scattered: Receivers,
+    /// Whole tiles, whose receivers share a search: they show times.
+    tiles: Receivers,
     /// Where there is nothing but the method to measure.
     alone: ThreadPool,
     /// The best values so far.
     reference: Option<Arrays>,
-    /// Mean number of contours, once they have been searched.
-    contours: Cell<f64>,
     built: Vec<(Family, f64)>,
 }
 
@@ -36,32 +36,24 @@ pub(super) struct Level {
     pub(super) stated: f64,
 }
 
-/// Receivers that are measured: this share of all, and not fewer nor more than these.
+/// Receivers that are measured for time, and as many for errors: this share of all, and not fewer nor more than these.
 const SHARE: usize = 64;
-const LEAST: usize = 32;
-const MOST: usize = 512;
-/// A tile's receivers share a search: fewer than these would make it look dearer than it is.
-const TILE: usize = 64;
+const LEAST: usize = 16;
+const MOST: usize = 256;
+/// Receivers of one tile that are measured for errors: neighbours err alike.
+const PIECE: usize = 4;
+/// Receivers of a first look, which decides whether a family is worth measuring; the exact method makes do with fewer.
+const LOOK: usize = 64;
+const EXACT_LOOK: usize = 8;
+/// At fewer lines, or at its best, no family takes less than this share of the time of its first look.
+const LEAST_SHARE: f64 = 0.5;
 /// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
 const SHORT: f64 = 5e-3;
 const REPEATS: usize = 3;
-/// One in so many of the pilot's receivers is solved exactly: there is no error to be estimated, only time.
-const EXACT_SHARE: usize = 8;
 /// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
 const CAUTION: f64 = 1.4;
 /// Counts beyond this many times the finer level are looked at before they are believed.
 const TRUSTED: f64 = 4.0;
-
-/// Cancels, but does not count: what is measured is no part of the work.
-struct Silent<'a>(&'a dyn Control);
-
-impl Control for Silent<'_> {
-    fn advance(&self, _: u64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
-    }
-}
 
 impl<'a> Pilot<'a> {
     pub(super) fn new(
@@ -79,17 +71,12 @@ impl<'a> Pilot<'a> {
             prepared,
             request,
             control,
-            receivers: receivers.pick(spread(&tiles, wanted)),
+            scattered: receivers.pick(spread(&tiles, wanted, PIECE)),
+            tiles: receivers.pick(spread(&tiles, wanted, usize::MAX)),
             alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
             reference: None,
-            contours: Cell::new(0.0),
             built: Vec::new(),
         })
-    }
-
-    /// Mean number of contours of a receiver, as far as known.
-    pub(super) fn contours(&self) -> f64 {
-        self.contours.get()
     }
 
     /// Seconds it took to build what `family` searches in.
@@ -97,19 +84,29 @@ impl<'a> Pilot<'a> {
         self.built.iter().filter(|(built, _)| *built == family).map(|(_, seconds)| seconds).sum()
     }
 
-    /// What `family` promises for `all` receivers at the error `aim`.
-    pub(super) fn try_family(&mut self, family: Family, aim: f64, all: usize) -> Result<Candidate> {
+    /// Receivers that are measured.
+    pub(super) fn receivers(&self) -> usize {
+        self.scattered.len() + self.tiles.len()
+    }
+
+    /// What `family` promises for `all` receivers at the error `aim`; nothing, if it cannot take less than `best` seconds.
+    pub(super) fn try_family(&mut self, family: Family, aim: f64, all: usize, best: f64) -> Result<Option<Candidate>> {
         let started = Instant::now();
-        self.prepared.build(family, &self.receivers)?;
+        self.prepared.build(family, &self.tiles)?;
         self.built.push((family, started.elapsed().as_secs_f64()));
-        if family == Family::Exact {
-            let few = self.receivers.pick(0..self.receivers.len().div_ceil(EXACT_SHARE));
-            let (level, _) = self.measure(family, 0, &few)?;
-            return Ok(Candidate::exact(level, all));
-        }
         let [coarse, fine] = family.levels();
-        let (mut coarse, coarse_values) = self.measure(family, coarse, &self.receivers)?;
-        let (mut fine, fine_values) = self.measure(family, fine, &self.receivers)?;
+        let look = if family == Family::Exact { EXACT_LOOK } else { LOOK };
+        let look = self.tiles.pick(0..self.tiles.len().min(look));
+        let first = self.measure(family, coarse, &look)?.0;
+        if LEAST_SHARE * family.least(aim, f64::from(coarse)) * first.seconds * all as f64 > best {
+            return Ok(None);
+        }
+        if family == Family::Exact {
+            let seconds = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)))?.0.seconds;
+            return Ok(Some(Candidate::exact(Level { seconds, ..first }, all)));
+        }
+        let (mut coarse, coarse_values) = self.level(family, coarse)?;
+        let (mut fine, fine_values) = self.level(family, fine)?;
         match family {
             Family::Isolines => {
                 coarse.rmse = difference(&coarse_values, &fine_values);
@@ -125,16 +122,24 @@ impl<'a> Pilot<'a> {
         }
         let law = Law::new(family, [coarse, fine]);
         let count = law.count(aim);
-        if family == Family::Isolines && f64::from(count) > TRUSTED * fine.count {
-            (fine, _) = self.measure(family, count, &self.receivers)?;
-            return Ok(Law::new(family, [coarse, fine]).candidate(aim, all));
+        let candidate = law.candidate(aim, all);
+        if family == Family::Isolines && f64::from(count) > TRUSTED * fine.count && candidate.expected_seconds < best {
+            (fine, _) = self.level(family, count)?;
+            return Ok(Some(Law::new(family, [coarse, fine]).candidate(aim, all)));
         }
-        Ok(law.candidate(aim, all))
+        Ok(Some(candidate))
+    }
+
+    /// Time of whole tiles, errors and values of scattered receivers.
+    fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
+        let (errors, arrays) = self.measure(family, count, &self.scattered)?;
+        let (time, _) = self.measure(family, count, &self.tiles)?;
+        Ok((Level { stated: errors.stated, ..time }, arrays))
     }
 
     /// Time, stated error and values of one method.
     fn measure(&self, family: Family, count: u32, receivers: &Receivers) -> Result<(Level, Arrays)> {
-        let control = Silent(self.control);
+        let control = Unmoved(self.control);
         let method = family.method(count);
         let mut least = f64::INFINITY;
         for repeat in 1.. {
@@ -144,9 +149,6 @@ impl<'a> Pilot<'a> {
                 return Err(Error::Interrupted);
             }
             least = least.min(statistics.processor_seconds);
-            if statistics.contours_per_receiver > 0.0 {
-                self.contours.set(statistics.contours_per_receiver);
-            }
             if repeat == REPEATS || least > SHORT {
                 let level = Level {
                     count: count.into(),
@@ -162,22 +164,13 @@ impl<'a> Pilot<'a> {
     }
 }
 
-/// About `wanted` receivers, as many whole tiles as hold them and two at least, evenly spread.
-fn spread(tiles: &[Vec<u32>], wanted: usize) -> Vec<usize> {
-    let count = wanted.div_ceil(TILE).clamp(2, tiles.len().max(2));
-    let each = wanted.div_ceil(count);
-    let chosen = (0..count.min(tiles.len())).map(|i| &tiles[(2 * i + 1) * tiles.len() / (2 * count)]);
-    let mut picked: Vec<usize> = chosen.flat_map(|tile| &tile[..tile.len().min(each)]).map(|&i| i as usize).collect();
-    // Tiles of loose points hold few: then many more of them are taken.
-    let step = (tiles.len() / wanted.max(1)).max(1);
-    let mut more = tiles.iter().step_by(step).flatten().map(|&i| i as usize);
-    while picked.len() < wanted.min(tiles.iter().map(Vec::len).sum()) {
-        let Some(next) = more.next() else { break };
-        if !picked.contains(&next) {
-            picked.push(next);
-        }
-    }
-    picked
+/// About `wanted` receivers from tiles that are evenly spread, at most `each` of every tile.
+fn spread(tiles: &[Vec<u32>], wanted: usize, each: usize) -> Vec<usize> {
+    let size = |tile: &Vec<u32>| tile.len().min(each);
+    let all: usize = tiles.iter().map(size).sum();
+    let count = (wanted * tiles.len()).div_ceil(all.max(1)).min(tiles.len());
+    let chosen = (0..count).map(|i| &tiles[(2 * i + 1) * tiles.len() / (2 * count)]);
+    chosen.flat_map(|tile| &tile[..size(tile)]).map(|&receiver| receiver as usize).collect()
 }
 
 /// Root mean square of the difference in the worst array.

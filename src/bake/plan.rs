@@ -1,9 +1,10 @@
+use std::fmt;
 use std::time::Instant;
 
 use serde::Serialize;
 
-use super::pilot::{Level, Pilot};
-use super::{Control, Method, Prepared, Receivers, Request};
+use super::pilot::{Level, Pilot, stated};
+use super::{Arrays, Control, Method, Prepared, Receivers, Request};
 use crate::reference::EmbreeVariant;
 use crate::{Error, Result};
 
@@ -79,6 +80,26 @@ pub struct Candidate {
     share_of_stated: f64,
 }
 
+impl PlanReport {
+    /// The error of a finished run, from the errors that it states.
+    pub fn estimate(&self, arrays: &Arrays) -> f64 {
+        self.share_of_stated * stated(arrays)
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let PlanReport { expected_error, expected_seconds, .. } = self.report;
+        match self.method {
+            Method::Isolines { lines } => write!(f, "{lines} isolines")?,
+            Method::Exact => f.write_str("exact")?,
+            Method::Qmc { samples, .. } => write!(f, "{samples} rays")?,
+            Method::Embree { samples, .. } => write!(f, "{samples} rays on Embree")?,
+        }
+        write!(f, ": error {expected_error:.1e} and {expected_seconds:.2} s of processor time expected")
+    }
+}
+
 impl Family {
     /// The member with `count` lines or samples.
     pub fn method(self, count: u32) -> Method {
@@ -96,6 +117,14 @@ impl Family {
             Self::Isolines => [32, 128],
             Self::Exact => [0; 2],
             Self::Qmc | Self::Embree => [64, 512],
+        }
+    }
+
+    /// The least share of `count` that can reach `error`.
+    pub(super) fn least(self, error: f64, count: f64) -> f64 {
+        match self {
+            Self::Isolines | Self::Exact => 1.0,
+            Self::Qmc | Self::Embree => (LEAST_RAY_ERROR / error).powf(4.0 / 3.0).max(8.0) / count,
         }
     }
 
@@ -190,10 +219,11 @@ const MARGIN: f64 = 1.1;
 const LEAST_RAY: f64 = 15e-9;
 /// Rays have at least this error times N^-3/4 in scenes where anything is hidden.
 const LEAST_RAY_ERROR: f64 = 0.15;
-/// The exact method takes at least this much time for each contour, in seconds.
-const LEAST_EXACT: f64 = 30e-9;
 /// Building what finds contours takes at least this much time for each triangle, in seconds.
 const LEAST_BUILD: f64 = 0.3e-6;
+
+/// Above this error rays are tried first.
+const COARSE: f64 = 3e-3;
 
 impl Prepared<'_> {
     /// Finds the method that reaches `goal` for `receivers` in the least time, from measurements of a few whole tiles of
@@ -215,28 +245,29 @@ impl Prepared<'_> {
         // Only the boundary of the visible region gives gradients.
         let family = if request.gradients { Some(Family::Exact) } else { goal.family };
         let rays = if cfg!(feature = "embree") { Family::Embree } else { Family::Qmc };
-        let mut candidates: Vec<Candidate> = Vec::new();
         let all = receivers.len();
+        let mut candidates: Vec<Candidate> = Vec::new();
+        let mut attempt = |family, least: f64| {
+            let best = candidates.iter().map(|known| known.expected_seconds).fold(f64::INFINITY, f64::min);
+            if least < best {
+                candidates.extend(pilot.try_family(family, aim, all, best)?);
+            }
+            Ok::<_, Error>(())
+        };
         match family {
-            Some(family) => candidates.push(pilot.try_family(family, aim, all)?),
+            Some(family) => attempt(family, 0.0)?,
             None => {
-                // What rays cost at least, and the contours' build at least, decides whether either needs to be tried.
-                let least_rays = (LEAST_RAY_ERROR / aim).powf(4.0 / 3.0).max(8.0) * LEAST_RAY * all as f64;
+                // The cheaper way is likelier to end the search, and what it promises bounds what else is worth building.
+                let least_rays = rays.least(aim, 1.0) * LEAST_RAY * all as f64;
                 let least_build = LEAST_BUILD * self.geometry().triangles.len() as f64;
-                if least_rays < least_build {
-                    candidates.push(pilot.try_family(rays, aim, all)?);
+                if aim > COARSE {
+                    attempt(rays, least_rays)?;
+                    attempt(Family::Isolines, least_build)?;
+                } else {
+                    attempt(Family::Isolines, least_build)?;
+                    attempt(rays, least_rays)?;
                 }
-                if candidates.iter().all(|rays| rays.expected_seconds > least_build) {
-                    let lines = pilot.try_family(Family::Isolines, aim, all)?;
-                    let seconds = lines.expected_seconds;
-                    candidates.push(lines);
-                    if candidates.len() == 1 && least_rays < seconds {
-                        candidates.push(pilot.try_family(rays, aim, all)?);
-                    }
-                    if LEAST_EXACT * pilot.contours() * (all as f64) < seconds {
-                        candidates.push(pilot.try_family(Family::Exact, aim, all)?);
-                    }
-                }
+                attempt(Family::Exact, least_build)?;
             }
         }
         candidates.sort_by(|a, b| {
@@ -255,7 +286,7 @@ impl Prepared<'_> {
                 error: goal.error,
                 expected_error: best.expected_error,
                 expected_seconds: best.expected_seconds,
-                pilot_receivers: pilot.receivers.len(),
+                pilot_receivers: pilot.receivers(),
                 seconds: started.elapsed().as_secs_f64(),
                 build_seconds: pilot.built(best.family),
                 share_of_stated: best.share_of_stated,
