@@ -1,6 +1,5 @@
 use std::sync::OnceLock;
 
-use dual_bvh::{BuildOptions, DualBvh};
 use glam::DVec3;
 
 use super::Method;
@@ -8,10 +7,10 @@ use super::assembly::{Assembly, Seen};
 use super::gradients::Gradients;
 use super::integrate::{Baker, Counts};
 use super::layout::Layout;
-use super::{Receivers, Request};
+use super::{Prepared, Receivers, Request};
 use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, LineMoments};
-use crate::reference::{self, PixelDistribution, Qmc, RayScene};
-use crate::scene::{Environment, FaceTree, Geometry};
+use crate::reference::{self, PixelDistribution, Qmc};
+use crate::scene::Environment;
 use crate::sphere::{self, Order};
 use crate::visibility::{Frame, Isolines, Receiver, Sight, View, Viewer, open_intervals};
 use crate::{Error, Result};
@@ -20,16 +19,16 @@ use crate::{Error, Result};
 ///
 /// A receiver whose result raises an alarm is solved again in a rotated frame, then by the other method, then by rays.
 pub(super) struct Solver<'a> {
-    geometry: &'a Geometry,
-    edges: DualBvh,
-    faces: FaceTree,
+    prepared: &'a Prepared<'a>,
+    viewer: Viewer<'a>,
     method: Method,
     assembly: Assembly<'a>,
     gradients: bool,
     layout: &'a Layout,
     lines: OnceLock<Lines>,
     region_light: OnceLock<LightRegion>,
-    rays: OnceLock<Rays>,
+    /// Where a textured light is bright, for rays as the last resort.
+    bright: OnceLock<Option<PixelDistribution>>,
 }
 
 /// Tables of the isolines.
@@ -37,12 +36,6 @@ struct Lines {
     isolines: Isolines,
     harmonics: Option<LineHarmonics>,
     light: Option<LightTable>,
-}
-
-/// The last resort.
-struct Rays {
-    scene: RayScene,
-    bright: Option<PixelDistribution>,
 }
 
 /// A way to solve one receiver.
@@ -73,24 +66,22 @@ pub(super) struct Memory {
 
 impl<'a> Solver<'a> {
     pub(super) fn new(
-        geometry: &'a Geometry,
+        prepared: &'a Prepared,
         environment: Option<&'a Environment>,
         request: &Request,
         layout: &'a Layout,
         method: Method,
     ) -> Result<Self> {
         let solver = Self {
-            geometry,
-            // In this order the two builds need the least memory.
-            faces: FaceTree::new(geometry.positions.clone(), geometry.triangles.clone()),
-            edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
+            prepared,
+            viewer: prepared.viewer()?,
             method,
             assembly: Assembly::new(environment, request, layout)?,
             gradients: request.gradients,
             layout,
             lines: OnceLock::new(),
             region_light: OnceLock::new(),
-            rays: OnceLock::new(),
+            bright: OnceLock::new(),
         };
         // What the method itself needs is built now, what only a second opinion needs when it is asked for.
         match method {
@@ -101,13 +92,9 @@ impl<'a> Solver<'a> {
             Method::Exact => {
                 solver.region_light();
             }
-            Method::Qmc { .. } => unreachable!("rays need no contours"),
+            Method::Qmc { .. } | Method::Embree { .. } => unreachable!("rays need no contours"),
         }
         Ok(solver)
-    }
-
-    fn viewer(&self) -> Viewer<'_> {
-        Viewer { edges: &self.edges, faces: &self.faces }
     }
 
     fn region_light(&self) -> Option<&LightRegion> {
@@ -136,7 +123,7 @@ impl<'a> Solver<'a> {
     /// Everything asked for at one receiver of the tile that `memory.view` approached.
     fn receiver(&self, index: usize, receiver: Receiver, row: &mut [f64], memory: &mut Memory) -> Result<Counts> {
         let mut counts = Counts::default();
-        self.viewer().face(receiver, &mut memory.view);
+        self.viewer.face(receiver, &mut memory.view);
         counts.contours = memory.view.contours().arcs.len() as u64;
         // On an edge that is not its own the receiver sees that edge in all directions of a half circle, which the contours
         // do not tell.
@@ -171,8 +158,8 @@ impl<'a> Solver<'a> {
     /// Whether the receiver lies, as far as its contours can tell, on an edge or a corner of a face that it does not leave out.
     fn is_on_foreign_edge(&self, Receiver { position, excluded, .. }: Receiver) -> bool {
         let mut found = false;
-        self.faces.visit_around(position, |face| {
-            let [a, b, c] = self.faces.corners(face).map(|corner| corner.as_dvec3() - position);
+        self.viewer.faces.visit_around(position, |face| {
+            let [a, b, c] = self.viewer.faces.corners(face).map(|corner| corner.as_dvec3() - position);
             let is_between = |a: DVec3, b: DVec3| a.dot(b) <= 0.0 && a.cross(b - a) == DVec3::ZERO;
             let holds = is_between(a, b) || is_between(b, c) || is_between(c, a);
             found |= holds && !excluded.contains(&face);
@@ -194,7 +181,7 @@ impl<'a> Solver<'a> {
         });
         let mut light = lines.light.as_ref().map(|table| (table, LightMoments::default()));
 
-        let sight = self.viewer().follow(&lines.isolines, frame, receiver, view, |interval| {
+        let sight = self.viewer.follow(&lines.isolines, frame, receiver, view, |interval| {
             if let Some((table, moments)) = &mut harmonics {
                 moments.add(table, interval);
             }
@@ -246,7 +233,7 @@ impl<'a> Solver<'a> {
     fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let Memory { view, seen, gradients, .. } = memory;
         let has_contours = !view.contours().arcs.is_empty();
-        let region = self.viewer().solve(frame, receiver, view);
+        let region = self.viewer.solve(frame, receiver, view);
         let residuals = region.residuals();
         if !has_contours {
             counts.open += u64::from(region.solid_angle() > 0.0);
@@ -285,32 +272,31 @@ impl<'a> Solver<'a> {
     fn differentiate(&self, receiver: Receiver, memory: &mut Memory) {
         /// Of the scene's diagonal: rounding errors of the differences are below 1e-9 of a harmonic's largest slope.
         const STEP: f64 = 1e-5;
-        let (Some(bands), Some([low, high])) = (self.assembly.bands, self.geometry.bounds()) else { return };
+        let (Some(bands), Some([low, high])) = (self.assembly.bands, self.prepared.geometry().bounds()) else { return };
         let step = STEP * low.as_dvec3().distance(high.as_dvec3());
         let Memory { gradients, aside, .. } = memory;
-        gradients.take_differences(bands, self.viewer(), receiver, step, aside);
+        gradients.take_differences(bands, self.viewer, receiver, step, aside);
     }
 
     /// Solves by rays, which raise no alarm.
     fn by_rays(&self, index: usize, receiver: Receiver, seen: &mut Seen) -> Result<bool> {
         let environment = self.assembly.textured;
-        if self.rays.get().is_none() {
-            let bright = environment.map(PixelDistribution::of).transpose()?;
+        if self.bright.get().is_none() {
             // Whoever comes second finds the same built.
-            let _ = self.rays.set(Rays { scene: RayScene::new(self.geometry), bright });
+            let _ = self.bright.set(environment.map(PixelDistribution::of).transpose()?);
         }
-        let Some(rays) = self.rays.get() else { unreachable!("it has just been set") };
+        let bright = self.bright.get().and_then(Option::as_ref);
         let radiance = environment.map(|light| move |w: DVec3| light.radiance(w).as_dvec3().to_array());
         let request = reference::Request {
             visibility_sh: self.assembly.bands,
             vector_irradiance: radiance.is_some(),
-            light: radiance.as_ref().map(|radiance| reference::Light { radiance, distribution: rays.bright.as_ref() }),
+            light: radiance.as_ref().map(|radiance| reference::Light { radiance, distribution: bright }),
             ..reference::Request::default()
         };
         let columns = request.columns();
         let (mut values, mut errors) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
         let qmc = Qmc { samples: LAST_RAYS, seed: 0 };
-        qmc.integrate_one(&rays.scene, index, &receiver, &request, &mut values, &mut errors)?;
+        qmc.integrate_one(self.prepared.rays(), index, &receiver, &request, &mut values, &mut errors)?;
         let worst = |range: std::ops::Range<usize>| 4.0 * errors[range].iter().fold(0.0f64, |worst, e| worst.max(*e));
         seen.visibility.clear();
         seen.visibility.extend_from_slice(&values[columns.visibility_sh.clone()]);
@@ -345,7 +331,7 @@ impl Baker for Solver<'_> {
     type Memory = Memory;
 
     fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Memory) -> Result<Counts> {
-        self.viewer().approach(tile.iter().map(|&index| receivers.get(index as usize)), &mut memory.view);
+        self.viewer.approach(tile.iter().map(|&index| receivers.get(index as usize)), &mut memory.view);
         let mut counts = Counts { shared_searches: tile.len() as u64 - 1, ..Counts::default() };
         for (&index, row) in tile.iter().zip(rows.chunks_exact_mut(self.layout.width)) {
             counts += self.receiver(index as usize, receivers.get(index as usize), row, memory)?;

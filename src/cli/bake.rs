@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use std::path::Path;
 
 use crate::bake::writers::{Layout, check_target, write};
-use crate::bake::{Arrays, Baked, BakedVertices, Request, integrate};
+use crate::bake::{Arrays, Baked, BakedVertices, Provenance, Request};
 use crate::integrand::{environment_harmonics, relit};
 use crate::report;
 use crate::scene::{Scene, Sky};
@@ -13,8 +13,9 @@ use crate::sphere::Order;
 use crate::{Error, Result};
 
 use super::Failure;
-use super::options::{HarmonicsOptions, MethodOptions, RunOptions, framing, provenance, scene, vertices};
-use super::terminal::Terminal;
+use super::method::MethodOptions;
+use super::options::{HarmonicsOptions, framing, scene, vertices};
+use super::run::{RunOptions, Work};
 
 /// Bakes visibility at the vertices of a scene
 #[derive(Args)]
@@ -69,12 +70,13 @@ Examples:
   silhouette bake -o teapot.glb
   silhouette bake room.toml -o room.npz --order 6 --isolines 512
   silhouette bake dragon.obj -o dragon.ply --quantities occlusion,bent-normal
+  silhouette bake dragon.obj -o dragon.npz --error 1e-3  in the least time
   silhouette bake dragon.obj -o dragon.ply --resume      after Ctrl-C";
 
 impl Bake {
     /// Bakes and writes the file, and the preview.
     pub fn run(&self) -> std::result::Result<(), Failure> {
-        let method = self.method.method_with(self.gradients)?;
+        let choice = self.method.choice_with(self.gradients)?;
         check_target(&self.output, Layout::Vertices)?;
         let preview = match (&self.preview, &self.scene) {
             (None, None) => Some(self.output.with_extension("png")),
@@ -94,18 +96,15 @@ impl Bake {
             ..Request::default()
         };
         let name = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
-        let provenance =
-            provenance(method).with("order", request.order).with("scene", name).with("gradients", self.gradients);
+        let parameters =
+            Provenance::default().with("order", request.order).with("scene", name).with("gradients", self.gradients);
         let scene = scene(self.scene.as_deref())?;
         let receivers = vertices(&scene.geometry);
 
-        let resumed = self.run.resumed(&self.output, &provenance)?;
-        let terminal = Terminal::new(self.run.quiet);
+        let (geometry, receivers) = (&scene.geometry, &receivers);
+        let work = Work { geometry, environment: None, receivers, request: &request, choice, parameters };
         let pool = self.run.pool()?;
-        let outcome =
-            pool.install(|| integrate(&scene.geometry, None, &receivers, &request, method, resumed, &terminal));
-        terminal.finish();
-        let mut arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+        let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
 
         if let Some(preview) = &preview {
             pool.install(|| draw(&scene, &arrays, self.harmonics.order, preview))?;
@@ -115,8 +114,8 @@ impl Bake {
             arrays.remove("transfer_sh_error");
         }
         let baked = Baked::Vertices(BakedVertices {
-            positions: receivers.positions,
-            normals: receivers.normals,
+            positions: receivers.positions.clone(),
+            normals: receivers.normals.clone(),
             triangles: scene.geometry.triangles,
             arrays,
             provenance,

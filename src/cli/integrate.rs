@@ -4,12 +4,13 @@ use clap::Args;
 
 use crate::Error;
 use crate::bake::writers::{Format, Layout, check_target, npz};
-use crate::bake::{Provenance, Receivers, Request, flip_phase, integrate};
+use crate::bake::{Provenance, Receivers, Request, flip_phase};
 use crate::scene::{Scene, load_points};
 
 use super::Failure;
-use super::options::{HarmonicsOptions, LightOptions, MethodOptions, RunOptions, provenance, vertices};
-use super::terminal::Terminal;
+use super::method::MethodOptions;
+use super::options::{HarmonicsOptions, LightOptions, vertices};
+use super::run::{RunOptions, Work};
 
 /// Integrates visibility and light at any points
 #[derive(Args)]
@@ -59,7 +60,7 @@ Examples:
 impl Integrate {
     /// Integrates and writes the archive.
     pub fn run(&self) -> Result<(), Failure> {
-        let method = self.method.method_with(self.gradients)?;
+        let choice = self.method.choice_with(self.gradients)?;
         if Format::of(&self.output, Layout::Vertices)? != Format::Npz {
             return Err(Error::file(&self.output, "integrate writes .npz").into());
         }
@@ -77,12 +78,12 @@ impl Integrate {
         };
         let meshes = self.meshes.iter().map(|mesh| mesh.display().to_string()).collect::<Vec<_>>().join(", ");
         let points = self.points.as_ref().map_or("vertices".into(), |points| points.display().to_string());
-        let provenance = provenance(method)
+        let parameters = Provenance::default()
             .with("order", request.order)
             .with("meshes", meshes)
             .with("points", points)
             .with("gradients", self.gradients);
-        let provenance = self.light.record(provenance);
+        let parameters = self.light.record(parameters);
 
         let scene = Scene::from_meshes(&self.meshes)?;
         let environment = self.light.load()?;
@@ -93,13 +94,15 @@ impl Integrate {
             }
             None => vertices(&scene.geometry),
         };
-        let resumed = self.run.resumed(&self.output, &provenance)?;
-        let terminal = Terminal::new(self.run.quiet);
-        let outcome = self.run.pool()?.install(|| {
-            integrate(&scene.geometry, environment.as_ref(), &receivers, &request, method, resumed, &terminal)
-        });
-        terminal.finish();
-        let arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+        let work = Work {
+            geometry: &scene.geometry,
+            environment: environment.as_ref(),
+            receivers: &receivers,
+            request: &request,
+            choice,
+            parameters,
+        };
+        let (arrays, provenance) = self.run.integrate(&work, &self.output, &self.run.pool()?)?;
         let phase = self.harmonics.phase();
         let arrays = if phase == provenance.sh_phase { arrays } else { flip_phase(arrays, 1)? };
         npz::write(&self.output, &arrays, &Provenance { sh_phase: phase, ..provenance })?;

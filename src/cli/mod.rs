@@ -5,8 +5,10 @@ mod compare;
 mod inspect;
 mod integrate;
 mod interrupt;
+mod method;
 mod options;
 mod render;
+mod run;
 mod stress;
 mod terminal;
 

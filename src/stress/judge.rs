@@ -133,7 +133,7 @@ fn floor(method: Method) -> f64 {
         // An edge along the lines moves from one side of a line to the other at once, an error of first order: half the
         // lines' distance, 1/N in u, times the edge's length.
         Method::Isolines { lines } => 4.0 / f64::from(lines),
-        Method::Qmc { samples, .. } => TAU * f64::from(samples).powf(-0.5),
+        Method::Qmc { samples, .. } | Method::Embree { samples, .. } => TAU * f64::from(samples).powf(-0.5),
     }
 }
 
