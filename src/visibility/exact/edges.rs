@@ -236,18 +236,8 @@ impl Edges {
             if height(a) <= 0.0 && height(b) <= 0.0 {
                 continue;
             }
-            let [first, second] = [a, b].map(|v| {
-                let place = &mut self.places[v as usize];
-                if *place == NIL {
-                    *place = self.unsorted.len() as u32;
-                    let direction = contours.directions[v as usize];
-                    // The scale keeps squares in range for all of f32's exponents and beyond.
-                    let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
-                    let azimuth = azimuth(position.x, position.y);
-                    self.unsorted.push(Vertex { position, azimuth, height: height(v), ends: NIL, starts: 0 });
-                }
-                *place
-            });
+            let first = self.enter(contours.directions[a as usize], height(a), a, chart);
+            let second = self.enter(contours.directions[b as usize], height(b), b, chart);
             let is_bad = |v: u32| self.unsorted[v as usize].position == DVec3::ZERO;
             if is_bad(first) || is_bad(second) {
                 self.bad += 1;
@@ -255,6 +245,20 @@ impl Edges {
             }
             self.spans.push(Span { arc: arc as u32, first, second, is_forward: true, wraps: false });
         }
+    }
+
+    /// The place of a vertex among the unsorted, which it gets at its first use.
+    #[inline(always)]
+    fn enter(&mut self, direction: DVec3, height: f64, vertex: u32, chart: &Chart) -> u32 {
+        let place = &mut self.places[vertex as usize];
+        if *place == NIL {
+            *place = self.unsorted.len() as u32;
+            // The scale keeps squares in range for all of f32's exponents and beyond.
+            let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
+            let azimuth = azimuth(position.x, position.y);
+            self.unsorted.push(Vertex { position, azimuth, height, ends: NIL, starts: 0 });
+        }
+        *place
     }
 
     /// Puts the vertices in the order of the sweep, and the spans' ends with them.

@@ -177,13 +177,7 @@ impl Masks<'_> {
     }
 
     /// Starts edges at a vertex.
-    fn start(
-        &mut self,
-        vertex: &Vertex,
-        starts: std::ops::Range<u32>,
-        depth: i32,
-        is_near: bool,
-    ) -> Result<(), Doubt> {
+    fn start(&mut self, vertex: &Vertex, starts: std::ops::Range<u32>, depth: i32, is_near: bool) -> Result<(), Doubt> {
         self.buffers.starts.clear();
         self.buffers.starts.extend(starts);
         self.sort_starts(is_near);

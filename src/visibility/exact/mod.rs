@@ -66,7 +66,7 @@ pub fn solve<'a>(
         let filled = edges.fill(contours, normal, &chart, is_last);
         if filled.is_ok() {
             let depth_at_pole = depth(chart.pole());
-            let (check, expected) = if std::env::var_os("ORDERED").is_some() { Err(Doubt) } else { masks::sweep(edges, masks, &chart, depth_at_pole, region) }
+            let (check, expected) = masks::sweep(edges, masks, &chart, depth_at_pole, region)
                 .unwrap_or_else(|Doubt| sweep::sweep(edges, queue, &chart, depth_at_pole, region));
             region.residuals.depth_mismatch = depth(check) - expected;
             region.residuals.retries = attempt;

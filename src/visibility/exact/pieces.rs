@@ -20,6 +20,26 @@ pub(super) struct Ending<'a> {
     pub depth_above: i32,
 }
 
+/// An edge that crosses the one that ends.
+struct Crossed {
+    slot: usize,
+    /// Whether the one that ends rises above it.
+    rises: bool,
+}
+
+impl Ending<'_> {
+    /// The edges among those still active that it has crossed.
+    fn crossed(&self, word: usize, active: u64) -> impl Iterator<Item = Crossed> + use<> {
+        let was_above = self.above_at_start[word];
+        let mut left = (was_above ^ self.above_at_end[word]) & active;
+        std::iter::from_fn(move || {
+            let bit = (left != 0).then(|| left.trailing_zeros())?;
+            left &= left - 1;
+            Some(Crossed { slot: 64 * word + bit as usize, rises: was_above >> bit & 1 != 0 })
+        })
+    }
+}
+
 /// A crossing on an edge, after others.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
@@ -56,6 +76,8 @@ struct HorizonEnd {
 #[derive(Debug, Default)]
 pub(super) struct Pieces {
     crossings: Vec<Crossing>,
+    /// Those of the edge at hand, and where along it they are.
+    found: Vec<Crossing>,
     places: Vec<Place>,
     horizon: Option<Edge>,
     horizon_ends: Vec<HorizonEnd>,
@@ -84,77 +106,100 @@ impl Pieces {
         chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
-        let mut active = *slots.get(ending.slot);
+        let active = *slots.get(ending.slot);
         let jump = slots.jump(ending.slot);
+        let (mut change, mut fall) = (active.change, active.fall);
+        let words = 0..ending.above_at_end.len();
         for word in 0..ending.above_at_end.len() {
-            let was_above = ending.above_at_start[word];
-            let mut left = (was_above ^ ending.above_at_end[word]) & slots.taken()[word];
-            while left != 0 {
-                let bit = left.trailing_zeros();
-                left &= left - 1;
-                let other = 64 * word + bit as usize;
-                let rises = was_above >> bit & 1 != 0;
-                let change = if rises { -slots.jump(other) } else { slots.jump(other) };
-                let id = slots.get(other).edge;
-                self.cross(&mut active.crossings, &mut active.change, &mut active.fall, id, change);
-                let other = slots.get_mut(other);
-                let change = if rises { jump } else { -jump };
-                self.cross(&mut other.crossings, &mut other.change, &mut other.fall, active.edge, change);
-                region.residuals.crossings += 1;
+            for crossed in ending.crossed(word, slots.taken()[word]) {
+                let of_other = slots.jump(crossed.slot);
+                let step = if crossed.rises { -of_other } else { of_other };
+                change += step;
+                fall += step.min(0);
+                // In the other's books, too, for when it ends.
+                let step = if crossed.rises { jump } else { -jump };
+                let other = slots.get_mut(crossed.slot);
+                other.change += step;
+                other.fall += step.min(0);
+                let next = std::mem::replace(&mut other.crossings, self.crossings.len() as u32);
+                self.crossings.push(Crossing { edge: active.edge, change: step, next });
             }
         }
         let depth = if active.starts_above_horizon {
             active.above
         } else if ending.ends_above_horizon {
-            ending.depth_above - active.change
+            ending.depth_above - change
         } else {
             return Ok(());
         };
-        if depth + active.fall + jump.min(0) > 0 {
+        let deepest = depth + jump.min(0);
+        if deepest + fall > 0 {
+            return Ok(());
+        }
+        self.found.clear();
+        let mut next = active.crossings;
+        while next != NIL {
+            let crossing = self.crossings[next as usize];
+            self.found.push(crossing);
+            next = crossing.next;
+        }
+        for crossed in words.flat_map(|word| ending.crossed(word, slots.taken()[word])) {
+            let of_other = slots.jump(crossed.slot);
+            let change = if crossed.rises { -of_other } else { of_other };
+            self.found.push(Crossing { edge: slots.get(crossed.slot).edge, change, next: NIL });
+        }
+        let ends = (active.start, ending.end);
+        if self.stays_above_zero(edges, ends, deepest) {
             return Ok(());
         }
         if slots.is_doubtful(ending.slot) {
             return Err(Doubt);
         }
+        region.residuals.crossings += self.found.len() as u32;
         let edge = &edges.edges[active.edge as usize];
-        self.locate(edges, edge, active.edge, active.crossings, (active.start, ending.end))?;
+        self.locate(edges, edge, active.edge, ends);
         if active.starts_above_horizon != ending.ends_above_horizon {
-            self.locate_horizon((active.start, ending.end));
+            self.locate_horizon(ends);
         }
         self.walk(edge, depth, (active.start, active.starts_above_horizon), ending.end, chart, region)
     }
 
-    /// Notes one crossing in the books of one of its edges.
-    fn cross(&mut self, first: &mut u32, sum: &mut i32, fall: &mut i32, edge: u32, change: i32) {
-        let next = std::mem::replace(first, self.crossings.len() as u32);
-        self.crossings.push(Crossing { edge, change, next });
-        *sum += change;
-        *fall += change.min(0);
+    /// Whether W stays positive on an edge that starts with this depth on the deeper side, wherever within their errors its
+    /// crossings are.
+    fn stays_above_zero(&self, edges: &Edges, (start, end): (DVec3, DVec3), mut depth: i32) -> bool {
+        /// Parts of the edge, in each of which W falls before it rises.
+        const PARTS: usize = 32;
+        let (mut falls, mut rises) = ([0; PARTS], [0; PARTS]);
+        for crossing in &self.found {
+            let normal = edges.edges[crossing.edge as usize].normal;
+            let (a, b) = (normal.dot(start), normal.dot(end));
+            let parts = PARTS as f64 / (a - b);
+            let (at, error) = (a * parts, DOUBT * parts.abs());
+            if crossing.change < 0 {
+                // What is no number falls first.
+                falls[((at - error) as usize).min(PARTS - 1)] += crossing.change;
+            } else if at + error < PARTS as f64 {
+                rises[(at + error) as usize] += crossing.change;
+            }
+        }
+        depth > 0
+            && falls.iter().zip(&rises).all(|(fall, rise)| {
+                let deepest = depth + fall;
+                depth = deepest + rise;
+                deepest > 0
+            })
     }
 
     /// Finds where an edge is crossed.
-    fn locate(
-        &mut self,
-        edges: &Edges,
-        edge: &Edge,
-        id: u32,
-        mut crossing: u32,
-        (start, end): (DVec3, DVec3),
-    ) -> Result<(), Doubt> {
+    fn locate(&mut self, edges: &Edges, edge: &Edge, id: u32, (start, end): (DVec3, DVec3)) {
         self.places.clear();
-        while crossing != NIL {
-            let Crossing { edge: other_id, change, next } = self.crossings[crossing as usize];
+        for &Crossing { edge: other_id, change, .. } in &self.found {
             let other = &edges.edges[other_id as usize];
             // On the one or the other, but for both the same point.
-            let (point, error) = if id < other_id {
-                meet((start, end), other.normal)
-            } else {
-                meet(edges.ends(other), edge.normal)
-            };
+            let (point, error) =
+                if id < other_id { meet((start, end), other.normal) } else { meet(edges.ends(other), edge.normal) };
             self.places.push(Place { order: point.dot(end - start), error, point, change: Some(change) });
-            crossing = next;
         }
-        Ok(())
     }
 
     fn locate_horizon(&mut self, (start, end): (DVec3, DVec3)) {

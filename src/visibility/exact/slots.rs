@@ -278,9 +278,8 @@ impl Slots {
                 let rows = self.rows[row + slots.start..row + slots.end].chunks_exact(LANES);
                 for (block, (ages, rows)) in ages.zip(rows).enumerate() {
                     // SAFETY: chunks hold four numbers each.
-                    let (ages, rows) = unsafe {
-                        (_mm256_loadu_si256(ages.as_ptr().cast()), _mm256_loadu_si256(rows.as_ptr().cast()))
-                    };
+                    let (ages, rows) =
+                        unsafe { (_mm256_loadu_si256(ages.as_ptr().cast()), _mm256_loadu_si256(rows.as_ptr().cast())) };
                     let is_younger = _mm256_castsi256_pd(_mm256_cmpgt_epi64(ages, age));
                     let is_below = _mm256_castsi256_pd(_mm256_sll_epi64(rows, to_sign));
                     younger |= (_mm256_movemask_pd(is_younger) as u64) << (LANES * block);
