@@ -18,7 +18,7 @@ use super::say;
 #[command(next_help_heading = "Spherical harmonics")]
 pub struct HarmonicsOptions {
     /// Number of bands; order n gives n^2 coefficients
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = RangedU64ValueParser::<usize>::new().range(1..=8))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = RangedU64ValueParser::<usize>::new().range(1..=10))]
     pub order: usize,
     /// Sign of the coefficients with odd |m|
     #[arg(long, value_enum, default_value_t = PhaseName::Plain)]
