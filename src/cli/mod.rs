@@ -6,6 +6,7 @@ mod compare;
 mod inspect;
 mod integrate;
 mod interrupt;
+mod judge;
 mod options;
 mod proxy_options;
 mod render;
@@ -36,6 +37,7 @@ enum Command {
     Inspect(inspect::Args),
     Stress(stress::Stress),
     Animate(Box<animate::Animate>),
+    Judge(judge::Judge),
 }
 
 const EXAMPLES: &str = "\
@@ -80,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Stress(stress) => stress.run(),
         Command::Animate(animate) => animate.run(),
+        Command::Judge(judge) => judge.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
