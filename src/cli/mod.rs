@@ -1,12 +1,15 @@
 //! The command line: one file per subcommand, no logic.
 
+mod animate;
 mod bake;
 mod compare;
 mod inspect;
 mod integrate;
 mod interrupt;
+mod judge;
 mod method;
 mod options;
+mod proxy_options;
 mod render;
 mod run;
 mod stress;
@@ -35,6 +38,8 @@ enum Command {
     Compare(compare::Compare),
     Inspect(inspect::Args),
     Stress(stress::Stress),
+    Animate(Box<animate::Animate>),
+    Judge(judge::Judge),
 }
 
 const EXAMPLES: &str = "\
@@ -78,6 +83,8 @@ pub fn run() -> ExitCode {
         Command::Compare(compare) => compare.run(),
         Command::Inspect(args) => inspect::run(&args),
         Command::Stress(stress) => stress.run(),
+        Command::Animate(animate) => animate.run(),
+        Command::Judge(judge) => judge.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
