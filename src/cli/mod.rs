@@ -9,6 +9,7 @@ mod interrupt;
 mod judge;
 mod method;
 mod options;
+mod proxies;
 mod proxy_options;
 mod render;
 mod run;
@@ -37,6 +38,7 @@ enum Command {
     Integrate(integrate::Integrate),
     Compare(compare::Compare),
     Inspect(inspect::Args),
+    Proxies(proxies::Proxies),
     Stress(stress::Stress),
     Animate(Box<animate::Animate>),
     Judge(judge::Judge),
@@ -82,6 +84,7 @@ pub fn run() -> ExitCode {
         Command::Integrate(integrate) => integrate.run(),
         Command::Compare(compare) => compare.run(),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Proxies(proxies) => proxies.run(),
         Command::Stress(stress) => stress.run(),
         Command::Animate(animate) => animate.run(),
         Command::Judge(judge) => judge.run(),

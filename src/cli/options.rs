@@ -105,7 +105,7 @@ impl LightOptions {
 }
 
 /// Parses a number that is neither infinite nor NaN.
-fn finite(text: &str) -> std::result::Result<f64, String> {
+pub fn finite(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
         _ => Err("not a finite number".into()),
