@@ -7,6 +7,7 @@ mod integrate;
 mod interrupt;
 mod method;
 mod options;
+mod race;
 mod render;
 mod run;
 mod stress;
@@ -35,6 +36,7 @@ enum Command {
     Compare(compare::Compare),
     Inspect(inspect::Args),
     Stress(stress::Stress),
+    Race(race::Race),
 }
 
 const EXAMPLES: &str = "\
@@ -78,6 +80,7 @@ pub fn run() -> ExitCode {
         Command::Compare(compare) => compare.run(),
         Command::Inspect(args) => inspect::run(&args),
         Command::Stress(stress) => stress.run(),
+        Command::Race(race) => race.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
