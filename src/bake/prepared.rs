@@ -108,9 +108,11 @@ impl<'a> Prepared<'a> {
     pub(super) fn viewer(&self) -> Result<Viewer<'_>> {
         if self.contours.get().is_none() {
             let (positions, triangles) = (&self.geometry.positions, &self.geometry.triangles);
+            // In this order the two builds need the least memory.
+            let faces = FaceTree::new(positions.clone(), triangles.clone());
             let edges = DualBvh::build(positions.clone(), triangles.clone(), &BuildOptions::default())?;
             // Whoever comes second finds the same built.
-            let _ = self.contours.set((edges, FaceTree::new(positions.clone(), triangles.clone())));
+            let _ = self.contours.set((edges, faces));
         }
         let Some((edges, faces)) = self.contours.get() else { unreachable!("they have just been set") };
         Ok(Viewer { edges, faces })

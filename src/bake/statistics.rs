@@ -41,8 +41,38 @@ pub struct Statistics {
 }
 
 impl Statistics {
+    /// One line about the receivers that raised an alarm and how they were solved again; none if there are none.
+    pub fn second_looks(&self) -> Option<String> {
+        let ways = self.fallbacks.iter().filter(|(_, count)| **count > 0);
+        let ways: Vec<String> = ways.map(|(name, count)| format!("{count} by {}", name.replace('_', " "))).collect();
+        let alarms = self.depth_alarms;
+        (alarms > 0).then(|| {
+            format!(
+                "{alarms} of {} receivers raised an alarm and were solved again: {}",
+                self.receivers,
+                ways.join(", ")
+            )
+        })
+    }
+
     /// The statistics as indented JSON, ending in a newline.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("numbers and strings always serialise") + "\n"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn second_looks_are_told_apart() {
+        let mut statistics = Statistics { receivers: 9, ..Statistics::default() };
+        assert_eq!(statistics.second_looks(), None);
+        statistics.depth_alarms = 3;
+        statistics.fallbacks =
+            [("rotated_frame", 2), ("other_method", 0), ("rays", 1)].map(|(k, n)| (k.into(), n)).into();
+        let line = statistics.second_looks().unwrap();
+        assert_eq!(line, "3 of 9 receivers raised an alarm and were solved again: 1 by rays, 2 by rotated frame");
     }
 }

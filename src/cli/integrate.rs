@@ -106,6 +106,6 @@ impl Integrate {
         let phase = self.harmonics.phase();
         let arrays = if phase == provenance.sh_phase { arrays } else { flip_phase(arrays, 1)? };
         npz::write(&self.output, &arrays, &Provenance { sh_phase: phase, ..provenance })?;
-        Ok(())
+        Ok(self.run.discard_kept(&self.output)?)
     }
 }

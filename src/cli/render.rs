@@ -109,7 +109,7 @@ impl Render {
         let [width, height] = camera.resolution().map(|side| side as usize);
         let image = BakedImage::from_rows(width, height, &pixels.indices, arrays, provenance)?;
         write(&self.output, &Baked::Image(image))?;
-        Ok(())
+        Ok(self.run.discard_kept(&self.output)?)
     }
 }
 

@@ -136,6 +136,18 @@ impl RunOptions {
         }
     }
 
+    /// Removes what an interrupted run had kept, once `out` is written.
+    ///
+    /// # Errors
+    /// When the file cannot be removed.
+    pub fn discard_kept(&self, out: &Path) -> Result<()> {
+        let part = Partial::path(out);
+        match self.resume {
+            true => std::fs::remove_file(&part).map_err(|error| Error::file(&part, error)),
+            false => Ok(()),
+        }
+    }
+
     /// Ends a run that was to write `out`: gives the arrays of a finished one, keeps the finished part of an
     /// interrupted one and says so.
     ///
@@ -149,8 +161,8 @@ impl RunOptions {
                 let json = statistics.to_json();
                 atomically(stats, |file| file.write_all(json.as_bytes()).map_err(|error| Error::file(stats, error)))?;
             }
-            if self.resume {
-                std::fs::remove_file(&part).map_err(|error| Error::file(&part, error))?;
+            if let (Some(line), false) = (statistics.second_looks(), self.quiet) {
+                say(line);
             }
             return Ok(arrays);
         }
@@ -201,6 +213,8 @@ mod tests {
         assert_eq!(options(true).resumed(&out, &provenance).unwrap().unwrap().done, [true, false]);
 
         options(true).conclude(outcome([true; 2]), &out, &provenance).unwrap();
+        assert!(Partial::path(&out).exists(), "kept until the result is written");
+        options(true).discard_kept(&out).unwrap();
         assert!(!Partial::path(&out).exists());
         let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&stats).unwrap()).unwrap();
         for key in "receivers method triangles threads build_seconds integrate_seconds contours_per_receiver depth_alarms skipped"
