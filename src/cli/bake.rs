@@ -101,8 +101,14 @@ impl Bake {
         let scene = scene(self.scene.as_deref())?;
         let receivers = vertices(&scene.geometry);
 
-        let (geometry, receivers) = (&scene.geometry, &receivers);
-        let work = Work { geometry, environment: None, receivers, request: &request, choice, parameters };
+        let work = Work {
+            geometry: &scene.geometry,
+            environment: None,
+            receivers: &receivers,
+            request: &request,
+            choice,
+            parameters,
+        };
         let pool = self.run.pool()?;
         let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
 
@@ -114,8 +120,8 @@ impl Bake {
             arrays.remove("transfer_sh_error");
         }
         let baked = Baked::Vertices(BakedVertices {
-            positions: receivers.positions.clone(),
-            normals: receivers.normals.clone(),
+            positions: receivers.positions,
+            normals: receivers.normals,
             triangles: scene.geometry.triangles,
             arrays,
             provenance,

@@ -11,6 +11,7 @@ mod method;
 mod options;
 mod proxies;
 mod proxy_options;
+mod race;
 mod render;
 mod run;
 mod stress;
@@ -42,6 +43,7 @@ enum Command {
     Stress(stress::Stress),
     Animate(Box<animate::Animate>),
     Judge(judge::Judge),
+    Race(race::Race),
 }
 
 const EXAMPLES: &str = "\
@@ -88,6 +90,7 @@ pub fn run() -> ExitCode {
         Command::Stress(stress) => stress.run(),
         Command::Animate(animate) => animate.run(),
         Command::Judge(judge) => judge.run(),
+        Command::Race(race) => race.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -30,15 +30,19 @@ pub struct Work<'a> {
 impl Work<'_> {
     /// Provenance of what `method` computes here, this process's command line included.
     fn provenance(&self, method: Method) -> Provenance {
-        let words = std::env::args_os().map(|word| quoted(&word.to_string_lossy()));
-        let command_line = words.collect::<Vec<_>>().join(" ");
-        let mut provenance = Provenance { command_line, ..Provenance::of(method) };
+        let mut provenance = Provenance { command_line: command_line(), ..Provenance::of(method) };
         if let Choice::Goal(goal) = self.choice {
             provenance = provenance.with("error", format_args!("{:e}", goal.error));
         }
         provenance.parameters.extend_from_slice(&self.parameters.parameters);
         provenance
     }
+}
+
+/// The command that this process was given, as a shell would take it.
+pub fn command_line() -> String {
+    let words = std::env::args_os().map(|word| quoted(&word.to_string_lossy()));
+    words.collect::<Vec<_>>().join(" ")
 }
 
 /// A word as a shell would take it.

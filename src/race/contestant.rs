@@ -25,6 +25,30 @@ pub trait Contestant {
     }
 }
 
+/// A contestant whose knob is stuck.
+pub(super) struct AtOneSetting<'a> {
+    pub(super) contestant: &'a dyn Contestant,
+    pub(super) setting: f64,
+}
+
+impl Contestant for AtOneSetting<'_> {
+    fn name(&self) -> &str {
+        self.contestant.name()
+    }
+
+    fn ladder(&self) -> Vec<f64> {
+        vec![self.setting]
+    }
+
+    fn run(&self, setting: f64, repeat: u32, control: &dyn Control) -> Result<Run> {
+        self.contestant.run(setting, repeat, control)
+    }
+
+    fn allowance(&self) -> f64 {
+        self.contestant.allowance()
+    }
+}
+
 /// What a contestant's run gave.
 pub struct Run {
     /// Values and times.
@@ -61,11 +85,17 @@ impl<'a> Entrant<'a> {
     ///
     /// # Errors
     /// As [`Prepared::integrate`].
-    pub fn all(prepared: &'a Prepared, track: &'a Track, quantity: Quantity, control: &dyn Control) -> Result<Vec<Self>> {
+    pub fn all(
+        prepared: &'a Prepared,
+        track: &'a Track,
+        quantity: Quantity,
+        control: &dyn Control,
+    ) -> Result<Vec<Self>> {
         let request = quantity.request();
         let one = track.receivers.pick([0]);
         let entrant = |name, kind, build_seconds| Self { prepared, track, request, kind, name, build_seconds };
-        let build = |method| Ok::<_, Error>(integrate(prepared, &one, &request, method, control)?.statistics.build_seconds);
+        let build =
+            |method| Ok::<_, Error>(integrate(prepared, &one, &request, method, control)?.statistics.build_seconds);
         let lines = build(Method::Isolines { lines: 4 })?;
         let rays = build(Method::Qmc { samples: 8, seed: 0 })?;
         let plain = EmbreeVariant::default();
@@ -127,9 +157,7 @@ impl Contestant for Entrant<'_> {
         let count = setting as u32;
         let (method, words, planning) = match self.kind {
             Kind::Family(family, variant) => match family.method(count) {
-                Method::Qmc { samples, .. } => {
-                    (Method::Qmc { samples, seed: repeat }, format!("{samples} rays"), 0.0)
-                }
+                Method::Qmc { samples, .. } => (Method::Qmc { samples, seed: repeat }, format!("{samples} rays"), 0.0),
                 Method::Embree { samples, .. } => {
                     (Method::Embree { samples, seed: repeat, variant }, format!("{samples} rays, {variant}"), 0.0)
                 }

@@ -13,6 +13,8 @@ pub struct Settings {
     pub budget: f64,
 }
 
+/// Steps of progress that an event counts as.
+pub(super) const EVENT_STEPS: u64 = 1000;
 /// Errors below this are not aimed at: nobody asks for them, and the reference has its own.
 const FLOOR: f64 = 3e-8;
 /// Runs shorter than this, in seconds, are repeated at once: cold caches blur them.
@@ -27,7 +29,7 @@ struct Lane<'a> {
     finished: bool,
 }
 
-/// Lets the contestants run against each other in `rows`' order of levels: each in turn one setting, so that whatever else
+/// Lets the contestants run against each other setting by setting, each in turn, so that whatever else
 /// the machine does hits all alike. What is finished is in `rows` even when an error ends the event.
 ///
 /// # Errors
@@ -45,12 +47,15 @@ pub fn run_event(
         .iter()
         .map(|&contestant| Lane { contestant, ladder: contestant.ladder(), rows: Vec::new(), finished: false })
         .collect();
+    let highest = lanes.iter().map(|lane| lane.ladder.len()).max().unwrap_or(0);
+    let turns = u64::from(settings.repeats) * highest as u64;
     let result = (0..settings.repeats).try_for_each(|round| {
-        let highest = lanes.iter().map(|lane| lane.ladder.len()).max().unwrap_or(0);
         for level in 0..highest {
             for lane in &mut lanes {
                 lane.step(track, quantity, truth, settings, round, level, control)?;
             }
+            let turn = u64::from(round) * highest as u64 + level as u64;
+            control.advance(EVENT_STEPS * (turn + 1) / turns - EVENT_STEPS * turn / turns);
         }
         Ok(())
     });

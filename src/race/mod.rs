@@ -12,12 +12,12 @@ mod targets;
 mod track;
 mod truth;
 
-pub use contestant::{Contestant, Entrant};
-pub use curve::Curve;
+pub use contestant::{Contestant, Entrant, Run};
+pub use curve::{Curve, Time};
 pub use event::{Settings, run_event};
 pub use machine::Machine;
 pub use report::{Race, race};
 pub use row::{Row, Verdict};
 pub use targets::{Comparison, TARGETS, Target};
-pub use track::{Quantity, Track};
-pub use truth::Truth;
+pub use track::{Quantity, Track, over_plane};
+pub use truth::{Distance, Truth};

@@ -94,8 +94,7 @@ impl Track {
 /// As [`GeometryBuilder::add`].
 pub fn over_plane(meshes: Vec<Mesh>) -> Result<Geometry> {
     let points = || meshes.iter().flat_map(|mesh| &mesh.positions).map(|p| p.as_dvec3());
-    let (low, high) =
-        points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let (low, high) = points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
     let (centre, half) = (low.midpoint(high), 0.5 * (high - low));
     let scale = half.max_element().recip();
     let place = DAffine3::from_scale_rotation_translation(DVec3::splat(scale), DQuat::IDENTITY, -centre * scale);

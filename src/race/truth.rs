@@ -45,7 +45,9 @@ impl Truth {
     /// # Errors
     /// [`Error::Input`] if rays contradict them; [`Error::Interrupted`]; as [`Prepared::integrate`].
     pub fn find(prepared: &Prepared, receivers: &Receivers, request: &Request, control: &dyn Control) -> Result<Self> {
-        let by = |receivers: &Receivers, method| Ok::<_, Error>(integrate(prepared, receivers, request, method, control)?.arrays);
+        let by = |receivers: &Receivers, method| {
+            Ok::<_, Error>(integrate(prepared, receivers, request, method, control)?.arrays)
+        };
         let mut exact = by(receivers, Method::Exact)?;
         let lines = by(receivers, Method::Isolines { lines: LINES })?;
         let disputed = beyond(&exact, &lines, 1.0, 0.0)?;
@@ -85,7 +87,10 @@ impl Truth {
         let (mut differences, mut worst) = (Vec::new(), (0.0, 0));
         for (truth, size) in values(&self.arrays) {
             let Some(array) = arrays.get(&truth.name).filter(|array| array.shape == truth.shape) else {
-                return Err(Error::input(format!("{} is missing, or has another shape than the reference", truth.name)));
+                return Err(Error::input(format!(
+                    "{} is missing, or has another shape than the reference",
+                    truth.name
+                )));
             };
             for (flat, (a, b)) in array.data.iter().zip(&truth.data).enumerate() {
                 let difference = (a - b).abs();
