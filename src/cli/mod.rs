@@ -6,10 +6,14 @@ mod compare;
 mod inspect;
 mod integrate;
 mod interrupt;
+mod judge;
+mod method;
 mod options;
 mod proxies;
 mod proxy_options;
+mod race;
 mod render;
+mod run;
 mod stress;
 mod terminal;
 
@@ -38,6 +42,8 @@ enum Command {
     Proxies(proxies::Proxies),
     Stress(stress::Stress),
     Animate(Box<animate::Animate>),
+    Judge(judge::Judge),
+    Race(race::Race),
 }
 
 const EXAMPLES: &str = "\
@@ -83,6 +89,8 @@ pub fn run() -> ExitCode {
         Command::Proxies(proxies) => proxies.run(),
         Command::Stress(stress) => stress.run(),
         Command::Animate(animate) => animate.run(),
+        Command::Judge(judge) => judge.run(),
+        Command::Race(race) => race.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

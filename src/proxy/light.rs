@@ -28,6 +28,17 @@ pub struct ReflectedLight {
 }
 
 impl ReflectedLight {
+    /// Radiance of a white surface with the unit normal `n`.
+    pub fn radiance(&self, n: Vec3) -> [f32; 3] {
+        let Vec3 { x, y, z } = n;
+        std::array::from_fn(|colour| {
+            let [xx, yy, zz, xy, yz, zx] = self.quadratic[colour];
+            let [lx, ly, lz] = self.linear[colour];
+            let squares = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + yz * y * z + zx * z * x);
+            self.constant[colour] + (lx * x + ly * y + lz * z) + squares
+        })
+    }
+
     /// Whether there is nothing to reflect.
     pub fn is_dark(&self) -> bool {
         let all = self.constant.iter().chain(self.linear.as_flattened()).chain(self.quadratic.as_flattened());
@@ -184,13 +195,9 @@ mod tests {
         let reflected = light.reflected();
         for n in normals() {
             let irradiance = light.irradiance(n);
-            let [x, y, z] = n.as_vec3().to_array();
+            let radiance = reflected.radiance(n.as_vec3());
             for colour in 0..3 {
-                let [xx, yy, zz, xy, yz, zx] = reflected.quadratic[colour];
-                let [lx, ly, lz] = reflected.linear[colour];
-                let value = reflected.constant[colour]
-                    + (lx * x + ly * y + lz * z)
-                    + (xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + yz * y * z + zx * z * x));
+                let value = radiance[colour];
                 // The cosine has no fourth band.
                 assert!((f64::from(value) - irradiance[colour] / PI).abs() < 1e-6);
             }

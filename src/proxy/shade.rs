@@ -118,11 +118,21 @@ impl ShadingLight {
     }
 
     /// Irradiance without proxies at a place.
-    #[inline(always)]
     pub fn unshadowed(&self, receivers: &Receivers, index: usize) -> [f32; 3] {
-        let transfer = TransferVector::of(receivers, index, self.needed(receivers));
+        match self.needed(receivers) {
+            4 => self.sum::<4>(receivers, index),
+            9 => self.sum::<9>(receivers, index),
+            16 => self.sum::<16>(receivers, index),
+            25 => self.sum::<25>(receivers, index),
+            _ => self.sum::<36>(receivers, index),
+        }
+    }
+
+    #[inline(always)]
+    fn sum<const LEN: usize>(&self, receivers: &Receivers, index: usize) -> [f32; 3] {
+        let transfer = transfer_vector::<LEN>(receivers, index);
         let mut sum = [0.0; 3];
-        for (t, light) in transfer.0.iter().zip(&self.coefficients) {
+        for (t, light) in transfer.iter().zip(&self.coefficients) {
             for colour in 0..3 {
                 sum[colour] += t * light[colour];
             }
@@ -131,20 +141,15 @@ impl ShadingLight {
     }
 }
 
-/// The transfer vector of one receiver, zeros behind it.
-pub(super) struct TransferVector(pub(super) [f32; 36]);
-
-impl TransferVector {
-    /// `len` coefficients: those of the receiver, or else of the clamped cosine about its normal.
-    #[inline(always)]
-    pub(super) fn of(receivers: &Receivers, index: usize, len: usize) -> Self {
-        let mut out = [0.0; 36];
-        if receivers.transfer.is_empty() {
-            cosine_into(receivers.normal_at(index), &mut out[..len]);
-        } else {
-            out.iter_mut().zip(&receivers.transfer).for_each(|(out, plane)| *out = plane[index]);
-        }
-        Self(out)
+/// The transfer vector of one receiver, cut off after `LEN` coefficients: its own, or else the clamped cosine about its normal.
+#[inline(always)]
+pub(super) fn transfer_vector<const LEN: usize>(receivers: &Receivers, index: usize) -> [f32; LEN] {
+    if receivers.transfer.is_empty() {
+        let mut out = [0.0; LEN];
+        cosine_into(receivers.normal_at(index), &mut out);
+        out
+    } else {
+        std::array::from_fn(|k| receivers.transfer[k][index])
     }
 }
 
@@ -234,10 +239,17 @@ dispatch! {
                 continue;
             }
             let mut shades = [Lanes::ZERO; 3];
-            let transfer: [TransferVector; LANES] = match interpolant {
-                Interpolant::Shades => std::array::from_fn(|lane| TransferVector::of(receivers, group * LANES + lane, needed)),
-                Interpolant::Vectors => [const { TransferVector([0.0; 36]) }; LANES],
-            };
+            let mut transfer = [[0.0; 36]; LANES];
+            if interpolant == Interpolant::Shades {
+                for (lane, transfer) in transfer.iter_mut().enumerate() {
+                    let index = group * LANES + lane;
+                    if receivers.transfer.is_empty() {
+                        cosine_into(receivers.normal_at(index), &mut transfer[..needed]);
+                    } else {
+                        transfer.iter_mut().zip(&receivers.transfer).for_each(|(t, plane)| *t = plane[index]);
+                    }
+                }
+            }
             for k in 0..needed {
                 let row = &light.product[k * coefficients..(k + 1) * coefficients];
                 let mut hidden = [Lanes::ZERO; 3];
@@ -249,7 +261,7 @@ dispatch! {
                 match interpolant {
                     Interpolant::Vectors => scatter(values, len, k, &hidden),
                     Interpolant::Shades => {
-                        let t = Lanes::each(|lane| transfer[lane].0[k]);
+                        let t = Lanes::each(|lane| transfer[lane][k]);
                         shades.iter_mut().zip(hidden).for_each(|(sum, hidden)| *sum += t * hidden);
                     }
                 }

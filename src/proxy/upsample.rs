@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::Receivers;
 use super::lanes::{LANES, dispatch};
-use super::shade::{Shading, TransferVector, radiance};
+use super::shade::{Shading, radiance, transfer_vector};
 
 /// How pixels take from the four receivers around them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, clap::ValueEnum)]
@@ -126,11 +126,11 @@ dispatch! {
     ) -> UpsampleCounts {
         let scale = resampling.scale;
         let mut counts = UpsampleCounts::default();
+        let columns: Vec<_> = (0..fine.width()).map(|x| neighbours(x, scale, coarse.width())).collect();
         for (row, out) in out.chunks_exact_mut(fine.width()).enumerate() {
             let y = first + row;
             let (y0, y1, ty) = neighbours(y, scale, coarse.height());
-            for (x, out) in out.iter_mut().enumerate() {
-                let (x0, x1, tx) = neighbours(x, scale, coarse.width());
+            for ((x, out), &(x0, x1, tx)) in out.iter_mut().enumerate().zip(&columns) {
                 let samples = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| coarse.index(x, y));
                 if !samples.iter().any(|&i| shading.touched[i]) {
                     continue;
@@ -159,10 +159,9 @@ dispatch! {
                     if weight == 0.0 {
                         continue;
                     }
-                    for (sum, value) in rows.iter_mut().zip(shading.rows(sample)) {
-                        for i in 0..4 {
-                            sum[i] += weight * value[i];
-                        }
+                    let values: &[[f32; 4]; LEN] = shading.rows(sample).try_into().expect("rows are of one length");
+                    for (sum, value) in rows.as_flattened_mut().iter_mut().zip(values.as_flattened()) {
+                        *sum += weight * value;
                     }
                 }
                 add(fine, pixel, &rows, out);
@@ -176,22 +175,28 @@ dispatch! {
 #[inline(always)]
 pub(super) fn add<const LEN: usize>(fine: &Receivers, pixel: usize, rows: &[[f32; 4]; LEN], out: &mut [f32; 3]) {
     let mut irradiance = rows[LEN - 1];
-    if LEN == 2 {
-        for i in 0..4 {
-            irradiance[i] -= rows[0][i];
-        }
-    } else {
-        let transfer = TransferVector::of(fine, pixel, LEN - 1);
-        for (t, hidden) in transfer.0.iter().zip(&rows[..LEN - 1]) {
-            for i in 0..4 {
-                irradiance[i] -= t * hidden[i];
-            }
-        }
+    match LEN {
+        2 => less(&mut irradiance, rows, &[1.0]),
+        5 => less(&mut irradiance, rows, &transfer_vector::<4>(fine, pixel)),
+        10 => less(&mut irradiance, rows, &transfer_vector::<9>(fine, pixel)),
+        17 => less(&mut irradiance, rows, &transfer_vector::<16>(fine, pixel)),
+        26 => less(&mut irradiance, rows, &transfer_vector::<25>(fine, pixel)),
+        _ => less(&mut irradiance, rows, &transfer_vector::<36>(fine, pixel)),
     }
     let albedo = fine.albedo.each_ref().map(|plane| plane[pixel]);
     let change = radiance(albedo, [irradiance[0], irradiance[1], irradiance[2]]);
     // The exponential overshoots, and so may the hidden light: no surface is darker than black.
     out.iter_mut().zip(change).for_each(|(out, change)| *out = (*out + change).max(0.0));
+}
+
+/// Takes the hidden light under a transfer vector away.
+#[inline(always)]
+fn less(irradiance: &mut [f32; 4], rows: &[[f32; 4]], transfer: &[f32]) {
+    for (t, hidden) in transfer.iter().zip(rows) {
+        for i in 0..4 {
+            irradiance[i] -= t * hidden[i];
+        }
+    }
 }
 
 /// w^N w^z of equation 11 for four receivers: 0 for those that see nothing.

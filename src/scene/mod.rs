@@ -4,6 +4,7 @@ mod builtin;
 mod camera;
 mod environment;
 mod environment_file;
+mod face_groups;
 mod face_tree;
 mod file;
 mod geometry;
