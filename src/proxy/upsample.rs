@@ -214,26 +214,32 @@ fn agreement(
     resampling: Resampling,
     compare: bool,
 ) -> [f32; 4] {
-    let mut agreement = [0.0; 4];
+    // Four at a time: planes of the receivers' normals and distances first.
+    let (mut cosine, mut distance, mut seen) = ([0.0f32; 4], [0.0f32; 4], [0.0f32; 4]);
     let (p, n) = (fine.point(pixel), fine.normal_at(pixel));
-    let half = PLANE_DISTANCE * resampling.pixel * resampling.scale as f32 * fine.depth[pixel];
-    for (agreement, i) in agreement.iter_mut().zip(samples) {
-        if !coarse.is_seen(i) {
-            continue;
+    for axis in 0..3 {
+        let (normals, positions) = (&coarse.normal[axis], &coarse.position[axis]);
+        for k in 0..4 {
+            cosine[k] += n[axis] * normals[samples[k]];
+            distance[k] += n[axis] * (positions[samples[k]] - p[axis]);
         }
-        if !compare {
-            *agreement = 1.0;
-            continue;
-        }
-        // The cosine's power 32.
-        let mut cosine = n.dot(coarse.normal_at(i)).max(0.0);
-        for _ in 0..5 {
-            cosine *= cosine;
-        }
-        let distance = n.dot(coarse.point(i) - p).abs();
-        *agreement = cosine * half / (half + distance);
     }
-    agreement
+    for k in 0..4 {
+        seen[k] = if coarse.depth[samples[k]] < Receivers::NOTHING { 1.0 } else { 0.0 };
+    }
+    if !compare {
+        return seen;
+    }
+    let half = PLANE_DISTANCE * resampling.pixel * resampling.scale as f32 * fine.depth[pixel];
+    for k in 0..4 {
+        // The cosine's power 32.
+        let c2 = cosine[k].max(0.0) * cosine[k].max(0.0);
+        let c4 = c2 * c2;
+        let c8 = c4 * c4;
+        let c16 = c8 * c8;
+        seen[k] *= c16 * c16 * half / (half + distance[k].abs());
+    }
+    seen
 }
 
 /// Gathers single pixels into receivers of their own, rows of up to 1024, to be shaded from scratch.
