@@ -9,8 +9,9 @@ use crate::report::Film;
 use crate::scene::{Environment, Scene, Walker};
 use crate::{Error, Result};
 
-use super::options::{LightOptions, framing, magnitude, scene, threads};
+use super::options::{LightOptions, framing, magnitude, scene};
 use super::proxy_options::{Device, ProxyOptions};
+use super::run::threads;
 use super::terminal::Terminal;
 use super::{Failure, print};
 

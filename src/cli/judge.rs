@@ -13,7 +13,8 @@ use crate::sphere::Order;
 use crate::{Error, Result};
 
 use super::animate::{Stage, animated, lighting, with_spheres};
-use super::options::{LightOptions, framing, magnitude, threads};
+use super::options::{LightOptions, framing, magnitude};
+use super::run::threads;
 use super::terminal::Terminal;
 use super::{Failure, print};
 

@@ -10,6 +10,7 @@ mod panel;
 mod picture;
 mod plot;
 mod preview;
+mod spheres;
 
 pub use compare::{Comparison, Difference, Results};
 pub use film::Film;
@@ -19,3 +20,4 @@ pub use judgement::{Deviation, Judgement, Verdict};
 pub use picture::{Decades, Picture};
 pub use plot::{Curve, Plot};
 pub use preview::preview;
+pub use spheres::draw_spheres;
