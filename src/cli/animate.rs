@@ -4,9 +4,9 @@ use clap::Args;
 use glam::{DMat3, DVec3};
 
 use crate::bake::{Control, Method};
-use crate::proxy::{DistantLight, Engine, Posed, Walker, baked_surface, static_surface};
+use crate::proxy::{DistantLight, Engine, Posed, baked_surface, static_surface};
 use crate::report::Film;
-use crate::scene::{Environment, Scene};
+use crate::scene::{Environment, Scene, Walker};
 use crate::{Error, Result};
 
 use super::options::{LightOptions, framing, magnitude, scene};

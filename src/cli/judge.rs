@@ -179,7 +179,7 @@ fn cases() -> Result<Vec<Case>> {
         let order = order(bands)?;
         add("order", bands.to_string(), Settings { order, internal_order: order, ..base }, None);
     }
-    for exponential in [Exponential::Ol, Exponential::Hyb, Exponential::Ps2, Exponential::Matrix] {
+    for exponential in [Exponential::Ol, Exponential::Hyb, Exponential::Ps2, Exponential::Matrix, Exponential::Direct] {
         add("exponential", exponential.to_string(), Settings { exponential, ..base }, None);
     }
     for exponential in [Exponential::Hyb, Exponential::Ps2] {

@@ -7,9 +7,8 @@ use toml::Spanned;
 
 use super::shapes::Shape;
 use super::{
-    Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, Sky, UpAxis, load_meshes, load_points,
+    Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, Sky, UpAxis, Walker, load_meshes, load_points,
 };
-use crate::proxy::Walker;
 use crate::{Error, Result};
 
 /// Where a scene wants light to be gathered.

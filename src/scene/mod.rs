@@ -22,6 +22,7 @@ mod polygon;
 pub mod shapes;
 mod sky;
 mod topology;
+mod walker;
 
 use std::path::Path;
 
@@ -39,8 +40,8 @@ pub use mesh::Mesh;
 pub use points::{NORMAL_TOLERANCE, Point, load_points};
 pub use sky::Sky;
 pub use topology::{Direction, EdgeFace, EdgeId, EdgeKind, Topology, TriangleId, VertexId};
+pub use walker::Walker;
 
-use crate::proxy::Walker;
 use crate::{Error, Result};
 
 /// Everything a scene file describes.

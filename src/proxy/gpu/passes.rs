@@ -120,7 +120,7 @@ impl<'a> Shaders<'a> {
         let bound = match settings.exponential {
             Exponential::Hyb => HYB_BOUND,
             Exponential::Ps2 => PS2_BOUND,
-            Exponential::Ol | Exponential::Matrix => 1e37,
+            Exponential::Ol | Exponential::Matrix | Exponential::Direct => 1e37,
         };
         let linear = exponentiator.optimal_linear();
         let mut constants: Vec<(String, String)> = [
@@ -201,12 +201,13 @@ impl Passes {
     /// Passes for settings and receivers of these sizes.
     ///
     /// # Errors
-    /// An exponential that graphics processors cannot take, or shaders that the device refuses.
+    /// A quality mode that is for processors only, or shaders that the device refuses.
     pub(super) fn new(gpu: &Gpu, settings: &Settings, sizes: Sizes) -> Result<Self> {
-        if settings.exponential == Exponential::Matrix {
-            let message = "the exponential `matrix` is of double precision, for processors only; leave out --device gpu, \
-                           or take `ps2`";
-            return Err(Error::input(message));
+        if matches!(settings.exponential, Exponential::Matrix | Exponential::Direct) {
+            let kind = settings.exponential;
+            return Err(Error::input(format!(
+                "`{kind}` is for processors only; leave out --device gpu, or take the exponential ps2, hyb or ol"
+            )));
         }
         let exponentiator = Exponentiator::new(settings.exponential, settings.internal_order);
         let shaders = Shaders::new(settings, sizes, &exponentiator);
