@@ -4,9 +4,9 @@ use clap::Args;
 use glam::{DMat3, DVec3};
 
 use crate::bake::{Control, Method};
-use crate::proxy::{DistantLight, Engine, Posed, baked_surface, static_surface};
+use crate::proxy::{Actor, DistantLight, Engine, Posed, baked_surface, static_surface};
 use crate::report::Film;
-use crate::scene::{Environment, Scene, Walker};
+use crate::scene::{self, Environment, Scene};
 use crate::{Error, Result};
 
 use super::options::{LightOptions, framing, magnitude, scene};
@@ -74,7 +74,6 @@ impl Animate {
     pub fn run(&self) -> std::result::Result<(), Failure> {
         let settings = self.proxies.settings()?;
         let scene = animated(self.scene.as_deref())?;
-        let actors = with_spheres(scene.characters, self.spheres)?;
         let environment = lighting(&self.light, scene.environment)?;
         let camera = match &scene.camera {
             Some(camera) => camera.clone(),
@@ -87,6 +86,7 @@ impl Animate {
         let pool = threads(self.threads)?;
         let terminal = Terminal::new(self.quiet);
         let film = pool.install(|| -> Result<Film> {
+            let actors = actors(&scene.characters, self.spheres, &terminal)?;
             let set = match self.bake {
                 0 => static_surface(&scene.geometry, camera.position()),
                 lines => {
@@ -149,7 +149,7 @@ pub struct Stage {
 
 impl Stage {
     /// The actors `time` seconds after they started.
-    pub fn new(actors: &[Walker], time: f64) -> Self {
+    pub fn new(actors: &[Actor], time: f64) -> Self {
         let mut stage = Self { bodies: Vec::new(), proxies: Vec::new() };
         for (body, actor) in (0u32..).zip(actors) {
             let Posed { surface, proxies } = actor.pose(time, body);
@@ -172,16 +172,16 @@ pub fn animated(named: Option<&std::path::Path>) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The characters with `spheres` in all, if that is given.
-pub fn with_spheres(mut actors: Vec<Walker>, spheres: Option<usize>) -> Result<Vec<Walker>> {
-    if let Some(spheres) = spheres {
-        let count = actors.len();
-        for (i, actor) in actors.iter_mut().enumerate() {
-            actor.spheres = spheres / count + usize::from(i < spheres % count);
-            actor.check()?;
-        }
-    }
-    Ok(actors)
+/// The characters, ready to be posed, with `spheres` in all, if that is given.
+pub fn actors(sources: &[scene::Actor], spheres: Option<usize>, control: &dyn Control) -> Result<Vec<Actor>> {
+    let count = sources.len();
+    let load = |(i, source): (usize, &scene::Actor)| {
+        let Some(spheres) = spheres else { return Actor::load(source, control) };
+        let source = source.clone().with_spheres(spheres / count + usize::from(i < spheres % count));
+        source.check()?;
+        Actor::load(&source, control)
+    };
+    sources.iter().enumerate().map(load).collect()
 }
 
 /// The light named on the command line, else the scene's.

@@ -12,7 +12,7 @@ use crate::scene::{Camera, Environment};
 use crate::sphere::Order;
 use crate::{Error, Result};
 
-use super::animate::{Stage, animated, lighting, with_spheres};
+use super::animate::{Stage, actors, animated, lighting};
 use super::options::{LightOptions, framing, magnitude};
 use super::run::threads;
 use super::terminal::Terminal;
@@ -87,7 +87,7 @@ impl Judge {
             let mut court = Court { judge: self, camera, set, environment, surfaces: None, truths: Vec::new() };
             let mut judgement = Judgement::default();
             for case in cases()? {
-                let actors = with_spheres(scene.characters.clone(), case.spheres.or(self.spheres))?;
+                let actors = actors(&scene.characters, case.spheres.or(self.spheres), &terminal)?;
                 let stage = Stage::new(&actors, self.time);
                 court.judge(&case, &stage, &mut judgement, &terminal)?;
             }

@@ -7,7 +7,8 @@ use toml::Spanned;
 
 use super::shapes::Shape;
 use super::{
-    Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, Sky, UpAxis, Walker, load_meshes, load_points,
+    Actor, Camera, Environment, GeometryBuilder, Material, Mesh, Model, Point, Scene, Sky, UpAxis, Walker, load_meshes,
+    load_points,
 };
 use crate::{Error, Result};
 
@@ -73,9 +74,13 @@ pub(super) fn read(text: &str, path: &Path) -> Result<Scene> {
     };
     let characters = file.character.into_iter().map(|entry| {
         let offset = entry.span().start;
-        let CharacterEntry { walker } = entry.into_inner();
-        walker.check().map_err(|e| refuse(offset, &e))?;
-        Ok(walker)
+        let actor = match entry.into_inner() {
+            CharacterEntry { walker: Some(walker), model: None } => Actor::Walker(walker),
+            CharacterEntry { walker: None, model: Some(model) } => Actor::Model(model.placed_in(folder)),
+            _ => return Err(refuse(offset, &"a character is either a walker or a model")),
+        };
+        actor.check().map_err(|e| refuse(offset, &e))?;
+        Ok(actor)
     });
     let characters = characters.collect::<Result<Vec<_>>>()?;
     Ok(Scene { geometry: builder.build(), environment: environment.transpose()?, camera, receivers, characters })
@@ -209,7 +214,8 @@ impl EnvironmentEntry {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CharacterEntry {
-    walker: Walker,
+    walker: Option<Walker>,
+    model: Option<Model>,
 }
 
 #[derive(Deserialize)]
