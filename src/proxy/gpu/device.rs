@@ -15,6 +15,7 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     name: String,
     has_timestamps: bool,
+    is_software: bool,
 }
 
 /// Storage buffers that one pass needs.
@@ -44,7 +45,8 @@ impl Gpu {
                 limits.max_storage_buffers_per_shader_stage
             )));
         }
-        let has_timestamps = adapter.features().contains(Features::TIMESTAMP_QUERY);
+        let is_software = info.device_type == wgpu::DeviceType::Cpu;
+        let has_timestamps = !is_software && adapter.features().contains(Features::TIMESTAMP_QUERY);
         let descriptor = DeviceDescriptor {
             label: Some("proxies"),
             required_features: if has_timestamps { Features::TIMESTAMP_QUERY } else { Features::empty() },
@@ -53,7 +55,7 @@ impl Gpu {
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| Error::input(format!("{name} cannot be used: {error}")))?;
-        Ok(Self { device, queue, name, has_timestamps })
+        Ok(Self { device, queue, name, has_timestamps, is_software })
     }
 
     /// What the device calls itself, and by which interface it is used.
@@ -61,9 +63,15 @@ impl Gpu {
         &self.name
     }
 
-    /// Whether passes can be timed on the device.
+    /// Whether the device itself tells how long passes take. Software ones do not count: Mesa's stamps passes when it
+    /// flushes, long after them.
     pub fn has_timestamps(&self) -> bool {
         self.has_timestamps
+    }
+
+    /// Whether the device is software on the processor.
+    pub fn is_software(&self) -> bool {
+        self.is_software
     }
 
     /// Fails where a buffer of so many bytes is more than a pass may use.
@@ -136,22 +144,33 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
         self.queue.submit([encoder.finish()]);
-        self.read_staged(&staging, count)
+        let take = |bytes: &[u8]| bytemuck::pod_collect_to_vec(&bytes[..count * size_of::<T>()]);
+        self.read_staged(&staging, take)
     }
 
-    /// Reads numbers from a buffer that can be mapped.
+    /// Waits until everything that was submitted is done.
     ///
     /// # Errors
     /// A device that has gone.
-    pub(super) fn read_staged<T: Pod>(&self, staging: &Buffer, count: usize) -> Result<Vec<T>> {
-        let gone = |error: &dyn std::fmt::Display| Error::input(format!("{} stopped working: {error}", self.name));
+    pub(super) fn wait(&self) -> Result<()> {
+        let gone = |error| Error::input(format!("{} stopped working: {error}", self.name));
+        self.device.poll(PollType::wait_indefinitely()).map(drop).map_err(gone)
+    }
+
+    /// Hands out what is in a buffer that can be mapped, after all that was submitted before.
+    ///
+    /// # Errors
+    /// A device that has gone.
+    pub(super) fn read_staged<T: Pod, R>(&self, staging: &Buffer, take: impl FnOnce(&[T]) -> R) -> Result<R> {
         staging.map_async(MapMode::Read, .., |_| ());
-        self.device.poll(PollType::wait_indefinitely()).map_err(|error| gone(&error))?;
-        let view = staging.get_mapped_range(..).map_err(|error| gone(&error))?;
-        let values = bytemuck::pod_collect_to_vec(&view[..count * size_of::<T>()]);
+        self.wait()?;
+        let gone = |error| Error::input(format!("{} stopped working: {error}", self.name));
+        let view = staging.get_mapped_range(..).map_err(gone)?;
+        // Mappings are aligned to 8 bytes at least.
+        let taken = take(bytemuck::cast_slice(&view));
         drop(view);
         staging.unmap();
-        Ok(values)
+        Ok(taken)
     }
 
     /// Compiles a shader.

@@ -1,3 +1,5 @@
+use std::time::Instant;
+
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, Buffer, BufferDescriptor, BufferUsages,
     CommandEncoder, ComputePassDescriptor, ComputePassTimestampWrites, ComputePipeline, QuerySet, QuerySetDescriptor,
@@ -37,11 +39,13 @@ impl Kernel {
         groups: [u32; 2],
     ) {
         let resources: Vec<BindingResource> = buffers.iter().map(|buffer| buffer.as_entire_binding()).collect();
-        self.run_on(encoder, timer, stage, &self.bind(gpu, &resources), groups);
+        self.run_on(gpu, encoder, timer, stage, &self.bind(gpu, &resources), groups);
     }
 
+    /// Runs the pass on what [`Self::bind`] gave.
     pub(super) fn run_on(
         &self,
+        gpu: &Gpu,
         encoder: &mut CommandEncoder,
         timer: &mut Timer,
         stage: Stage,
@@ -58,6 +62,8 @@ impl Kernel {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, bindings, &[]);
         pass.dispatch_workgroups(groups[0], groups[1], 1);
+        drop(pass);
+        timer.ended(gpu, encoder, stage);
     }
 }
 
@@ -85,10 +91,11 @@ pub(super) enum Stage {
     Upsample,
 }
 
-/// Times passes on the device, where it can.
+/// Times passes: by the device's own clock or, on software, by waiting for each.
 pub(super) struct Timer {
     queries: Option<(QuerySet, Buffer)>,
     stages: Vec<Stage>,
+    waited: Vec<(Stage, f64)>,
 }
 
 impl Timer {
@@ -107,7 +114,21 @@ impl Timer {
             });
             (gpu.device.create_query_set(&descriptor), buffer)
         });
-        Self { queries, stages: Vec::new() }
+        Self { queries, stages: Vec::new(), waited: Vec::new() }
+    }
+
+    /// To be called after every pass: on software, does what was recorded and takes the time.
+    pub(super) fn ended(&mut self, gpu: &Gpu, encoder: &mut CommandEncoder, stage: Stage) {
+        if !gpu.is_software() {
+            return;
+        }
+        let recorded = std::mem::replace(encoder, gpu.device.create_command_encoder(&Default::default()));
+        let started = Instant::now();
+        gpu.queue.submit([recorded.finish()]);
+        // A device that has gone is told about when the frame is read.
+        if gpu.wait().is_ok() {
+            self.waited.push((stage, started.elapsed().as_secs_f64()));
+        }
     }
 
     /// The queries for the beginning of the next pass and, one further, for its end.
@@ -131,7 +152,8 @@ impl Timer {
     /// A device that has gone.
     pub(super) fn seconds(&mut self, gpu: &Gpu) -> Result<Vec<(Stage, f64)>> {
         let stages = std::mem::take(&mut self.stages);
-        let Some((set, buffer)) = self.queries.as_ref().filter(|_| !stages.is_empty()) else { return Ok(Vec::new()) };
+        let waited = std::mem::take(&mut self.waited);
+        let Some((set, buffer)) = self.queries.as_ref().filter(|_| !stages.is_empty()) else { return Ok(waited) };
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         encoder.resolve_query_set(set, 0..2 * stages.len() as u32, buffer, 0);
         gpu.queue.submit([encoder.finish()]);

@@ -17,8 +17,8 @@ use crate::{Error, Result};
 /// Renders frames of proxies over a set that stands still, on a graphics processor: twin of the
 /// [`Renderer`](crate::proxy::Renderer) on the CPU.
 ///
-/// Of the statistics it fills in the times, as the device tells them where it can, the pixels shaded anew, and what was
-/// skipped; tiles and pairs are not counted.
+/// Of the statistics it fills in the times - of passes as the device tells them, on software devices by waiting for each -
+/// the pixels shaded anew, and what was skipped; tiles and pairs are not counted.
 pub struct Renderer {
     gpu: Gpu,
     settings: Settings,
@@ -208,8 +208,10 @@ impl Renderer {
         }
         encoder.copy_buffer_to_buffer(&self.pixels, 0, &self.staging, 0, self.staging.size());
         self.gpu.queue.submit([encoder.finish()]);
-        let colours = self.gpu.read_staged::<[f32; 4]>(&self.staging, self.radiance.len())?;
-        self.radiance.par_iter_mut().zip(&colours).for_each(|(out, [r, g, b, _])| *out = [*r, *g, *b]);
+        let radiance = &mut self.radiance;
+        self.gpu.read_staged(&self.staging, |colours: &[[f32; 4]]| {
+            radiance.par_iter_mut().zip(colours).for_each(|(out, [r, g, b, _])| *out = [*r, *g, *b]);
+        })?;
         for (stage, seconds) in self.timer.seconds(&self.gpu)? {
             let sum = match stage {
                 Stage::Setup => &mut statistics.setup_seconds,

@@ -209,6 +209,7 @@ impl Setup {
         pass.set_bind_group(0, &bindings, &[]);
         pass.draw(0..3 * self.count, 0..1);
         drop(pass);
+        timer.ended(gpu, encoder, Stage::Setup);
 
         let resources = [
             target.camera.as_entire_binding(),
@@ -220,7 +221,7 @@ impl Setup {
             out.transfer.as_entire_binding(),
         ];
         let bindings = self.resolve.bind(gpu, &resources);
-        self.resolve.run_on(encoder, timer, Stage::Setup, &bindings, groups_of_8x8(target.size));
+        self.resolve.run_on(gpu, encoder, timer, Stage::Setup, &bindings, groups_of_8x8(target.size));
     }
 }
 
