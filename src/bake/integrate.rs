@@ -37,7 +37,7 @@ pub fn integrate(
     let started = Instant::now();
     match method {
         Method::Isolines { .. } | Method::Exact => {
-            let baker = Solver::new(geometry, light, request, &layout, method, receivers.normals.is_empty())?;
+            let baker = Solver::new(geometry, light, request, &layout, method)?;
             run(&baker, &layout, geometry, receivers, method, request, resume, started, control)
         }
         Method::Qmc { samples, seed } => {

@@ -11,10 +11,8 @@ use super::{Receivers, Request};
 use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, LineMoments};
 use crate::reference::{self, PixelDistribution, Qmc, RayScene};
 use crate::scene::{Environment, FaceTree, Geometry};
-use crate::sphere;
-use crate::visibility::{
-    Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, View, Viewer, open_intervals,
-};
+use crate::sphere::{self, Order};
+use crate::visibility::{Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, View, Viewer, open_intervals};
 use crate::{Error, Result};
 
 /// Visibility by contours: along isolines or exactly, and each as the other's second opinion.
@@ -25,8 +23,6 @@ pub(super) struct Solver<'a> {
     edges: DualBvh,
     faces: FaceTree,
     method: Method,
-    /// Whether receivers see all around.
-    is_for_probes: bool,
     assembly: Assembly<'a>,
     layout: &'a Layout,
     lines: OnceLock<Lines>,
@@ -34,7 +30,7 @@ pub(super) struct Solver<'a> {
     rays: OnceLock<Rays>,
 }
 
-/// Tables of the isolines: those over the receiver's hemisphere, and those that all receivers share.
+/// The isolines and their tables, for harmonics and for textured light.
 struct Lines {
     harmonics: Option<(Meridians, LineHarmonics)>,
     light: Option<(Isolines, LightTable)>,
@@ -64,8 +60,8 @@ const LAST_RAYS: u32 = 1 << 16;
 pub(super) struct Memory {
     view: View,
     moments: LineMoments,
-    /// One hemisphere's harmonics, turned from the axes of its chart.
-    turned: Vec<f64>,
+    /// Harmonics in the axes of a chart.
+    local: Vec<f64>,
     seen: Seen,
 }
 
@@ -76,14 +72,12 @@ impl<'a> Solver<'a> {
         request: &Request,
         layout: &'a Layout,
         method: Method,
-        is_for_probes: bool,
     ) -> Result<Self> {
         let solver = Self {
             geometry,
             edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
             faces: FaceTree::new(geometry.positions.clone(), geometry.triangles.clone()),
             method,
-            is_for_probes,
             assembly: Assembly::new(environment, request, layout)?,
             layout,
             lines: OnceLock::new(),
@@ -94,7 +88,7 @@ impl<'a> Solver<'a> {
         match method {
             Method::Isolines { lines } => {
                 let isolines = Isolines::new(lines as usize)?;
-                solver.lines.get_or_init(|| Lines::new(isolines, &solver.assembly, is_for_probes));
+                solver.lines.get_or_init(|| Lines::new(isolines, &solver.assembly));
             }
             Method::Exact => {
                 solver.region_light();
@@ -175,12 +169,12 @@ impl<'a> Solver<'a> {
     fn along_isolines(&self, rank: usize, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let lines = self.lines.get_or_init(|| {
             let isolines = Isolines::new(SECOND_LINES).expect("the number of isolines is a constant");
-            Lines::new(isolines, &self.assembly, self.is_for_probes)
+            Lines::new(isolines, &self.assembly)
         });
         counts.contours = 0;
         let mut alarm = false;
-        if let Some((meridians, table)) = &lines.harmonics {
-            alarm |= self.along_meridians(meridians, table, rank, receiver, memory, counts);
+        if let Some(harmonics) = &lines.harmonics {
+            alarm |= self.along_meridians(harmonics, rank, receiver, memory, counts);
         }
         if let Some((isolines, table)) = &lines.light {
             alarm |= self.light_along_isolines(isolines, table, rank, receiver, memory, counts);
@@ -188,47 +182,40 @@ impl<'a> Solver<'a> {
         alarm
     }
 
-    /// The harmonics of what a receiver sees: of its hemisphere, or of both halves of a probe's sphere.
+    /// The harmonics of what a receiver sees.
     fn along_meridians(
         &self,
-        meridians: &Meridians,
-        table: &LineHarmonics,
+        (meridians, table): &(Meridians, LineHarmonics),
         rank: usize,
         receiver: Receiver,
         memory: &mut Memory,
         counts: &mut Counts,
     ) -> bool {
-        let Memory { view, moments, turned, seen } = memory;
-        let size = table.order().len();
+        let Memory { view, moments, local, seen } = memory;
+        let order = table.order();
+        let frame = MeridianFrame::facing(receiver.normal, rank);
+        let sight = self.viewer().trace(meridians, frame, receiver, view);
+        counts.contours = view.counts().above as u64;
+        counts.open += u64::from(sight == Sight::Open);
+        counts.enclosed += u64::from(sight == Sight::Enclosed);
         seen.visibility.clear();
-        seen.visibility.resize(size, 0.0);
-        turned.resize(size, 0.0);
-        let (mut alarms, mut difference) = (0, 0.0);
-        let (mut is_open, mut is_enclosed) = (true, true);
-        let halves = receiver.normal.map_or([Some(DVec3::Z), Some(DVec3::NEG_Z)], |normal| [Some(normal), None]);
-        for normal in halves.into_iter().flatten() {
-            let frame = MeridianFrame::new(normal, rank);
-            let sight = self.viewer().trace(meridians, frame, receiver, view);
-            counts.contours += view.counts().above as u64;
-            is_open &= sight == Sight::Open;
-            is_enclosed &= sight == Sight::Enclosed;
-            let seen_half = match sight {
-                Sight::Open => table.open(),
-                Sight::Enclosed => continue,
-                Sight::Part(sweep) => {
-                    alarms += sweep.depth_alarms;
-                    table.integrate(view.spans(), moments);
-                    &*moments
-                }
-            };
-            sphere::rotate(table.order(), frame.axes(), &seen_half.sum, turned);
-            seen.visibility.iter_mut().zip(&*turned).for_each(|(sum, half)| *sum += half);
-            difference += seen_half.difference.iter().map(|x| x * x).sum::<f64>();
+        seen.visibility.resize(order.len(), 0.0);
+        seen.visibility_error = ROUNDING;
+        match sight {
+            Sight::Open => open_sky(order, receiver.normal, &mut seen.visibility),
+            Sight::Enclosed => {}
+            Sight::Part(_) => {
+                table.integrate(view.spans(), moments);
+                let [even, odd] = &moments.sets;
+                local.clear();
+                local.extend(even.iter().zip(odd).map(|(even, odd)| even + odd));
+                table.turn(frame, local, &mut seen.visibility);
+                // Turning keeps the length of the difference.
+                let difference = even.iter().zip(odd).map(|(even, odd)| (even - odd).powi(2)).sum::<f64>();
+                seen.visibility_error += NESTED * (difference / order.len() as f64).sqrt();
+            }
         }
-        counts.open += u64::from(is_open);
-        counts.enclosed += u64::from(is_enclosed);
-        seen.visibility_error = ROUNDING + NESTED * (difference / size as f64).sqrt();
-        alarms > 0
+        matches!(sight, Sight::Part(sweep) if sweep.depth_alarms > 0)
     }
 
     /// The vector irradiance of a textured environment, along the isolines that all receivers share.
@@ -340,11 +327,10 @@ const ROUNDING: f64 = 4e-15;
 const NESTED: f64 = 4.0;
 
 impl Lines {
-    /// The number of isolines is that over the whole sphere for light, and for probes; over the hemisphere otherwise.
-    fn new(isolines: Isolines, assembly: &Assembly, is_for_probes: bool) -> Self {
+    /// An octahedral isoline is a loop around the sphere, a meridian half of one: there are twice as many.
+    fn new(isolines: Isolines, assembly: &Assembly) -> Self {
         let harmonics = assembly.bands.map(|bands| {
-            let count = if is_for_probes { isolines.len() / 2 } else { isolines.len() };
-            let meridians = Meridians::new(count).expect("as many as there are of the others");
+            let meridians = Meridians::new(2 * isolines.len()).expect("the isolines are as many as they may be");
             let harmonics = LineHarmonics::new(bands, &meridians);
             (meridians, harmonics)
         });
@@ -366,5 +352,13 @@ impl Baker for Solver<'_> {
             counts += self.receiver(index as usize, receivers.get(index as usize), row, memory)?;
         }
         Ok(counts)
+    }
+}
+
+/// Harmonics of a receiver that sees all of its hemisphere, or of a probe that sees the whole sphere.
+fn open_sky(order: Order, normal: Option<DVec3>, out: &mut [f64]) {
+    match normal {
+        Some(normal) => out.copy_from_slice(&sphere::hemisphere(order, normal)),
+        None => out[0] = (4.0 * std::f64::consts::PI).sqrt(),
     }
 }

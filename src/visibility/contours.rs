@@ -64,11 +64,8 @@ impl ReceiverContours {
             if self.heights[a as usize] < 0.0 && self.heights[b as usize] < 0.0 {
                 continue;
             }
-            let plane = arc_plane(
-                self.directions[a as usize],
-                candidates.position(edge.a),
-                candidates.position(edge.b),
-            );
+            let plane =
+                arc_plane(self.directions[a as usize], candidates.position(edge.a), candidates.position(edge.b));
             self.arcs.push(Arc { a, b, jump: contour.jump, plane });
         }
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use super::crossings::Crossings;
 use super::depth::{count_along, count_at_start, count_on_spine};
 use super::exact::{self, Region};
-use super::meridians;
+use super::meridians::{self, Outlook};
 use super::sweep::{Interval, Sweep, base_line, sweep};
 use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Spans};
 use crate::scene::FaceTree;
@@ -95,17 +95,17 @@ impl Viewer<'_> {
         self.project(receiver, view);
     }
 
-    /// What the receiver whose contours were just found sees of the frame's hemisphere: the [`View::spans`] along its
-    /// meridians, if it sees a part.
+    /// What the receiver whose contours were just found sees along the meridians: the [`View::spans`], if it sees a part.
     pub fn trace(&self, meridians: &Meridians, frame: MeridianFrame, receiver: Receiver, view: &mut View) -> Sight {
-        let Receiver { position, excluded, .. } = receiver;
-        let View { candidates, contours, meridian_crossings, spans, .. } = view;
-        meridian_crossings.collect(meridians, frame, candidates, contours, position);
+        let Receiver { position, normal, excluded } = receiver;
+        let View { candidates, contours, meridian_crossings: crossings, spans, .. } = view;
+        let outlook = Outlook { meridians, frame, position, normal };
+        crossings.collect(outlook, candidates, contours);
         let depth = count_at_start(self.faces, meridians, frame, position, excluded);
-        if meridian_crossings.counts().above == 0 {
+        if crossings.counts().above == 0 {
             return if depth == 0 { Sight::Open } else { Sight::Enclosed };
         }
-        Sight::Part(meridians::sweep(meridians, meridian_crossings, depth, spans))
+        Sight::Part(meridians::sweep(outlook, crossings, depth, spans))
     }
 
     /// What the receiver just faced sees along the isolines: their visible intervals.
@@ -223,12 +223,12 @@ mod tests {
         }
     }
 
-    /// Compares the spans of both hemispheres, or of the receiver's one, with counted rays at points of every meridian.
+    /// Compares the spans with counted rays at points of every meridian.
     fn spans_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
-        let meridians = Meridians::new(7).unwrap();
+        let meridians = Meridians::new(14).unwrap();
         viewer.find(receiver, view);
-        let normals = receiver.normal.map_or(vec![DVec3::Z, DVec3::NEG_Z], |n| vec![n]);
-        for frame in normals.into_iter().flat_map(|n| [0, 1].map(|rank| MeridianFrame::new(n, rank))) {
+        for rank in 0..3 {
+            let frame = MeridianFrame::facing(receiver.normal, rank);
             let sight = viewer.trace(&meridians, frame, receiver, view);
             if let Sight::Part(sweep) = sight {
                 assert_eq!(sweep.depth_alarms, 0);
@@ -239,14 +239,16 @@ mod tests {
                     let tangent = (std::f64::consts::PI * ((step as f64 + 0.387) / 47.0 - 0.5)).tan();
                     let w = frame.axes() * DVec3::new(cos, sin, tangent).normalize();
                     let (depth, closest) = count(triangles, receiver.position, w);
-                    if closest < 1e-9 {
+                    let height = receiver.normal.map_or(1.0, |n| n.dot(w));
+                    if closest < 1e-9 || height < 1e-9 {
                         continue;
                     }
                     let seen = match sight {
                         Sight::Open => true,
                         Sight::Enclosed => false,
                         Sight::Part(_) => {
-                            let before = view.spans().of(line).filter(|&end| view.spans().ends()[end] <= tangent).count();
+                            let before =
+                                view.spans().of(line).filter(|&end| view.spans().ends()[end] <= tangent).count();
                             before % 2 == 1
                         }
                     };

@@ -3,38 +3,52 @@ use std::ops::Range;
 use dual_bvh::{Candidates, Contours};
 use glam::DVec3;
 
-use super::vertices::{Vertex, Vertices};
+use super::vertices::Vertices;
 use super::{MeridianFrame, Meridians};
 use crate::visibility::contours::arc_plane;
 
-/// The ends of the part of an arc that lies above the horizon, of which one may be where it passes the horizon.
-///
-/// Decided from the ends alone: an arc and each of its faces get the same. Between ends on one side of a pole it passes the
-/// horizon on that side, however low they are.
-#[inline(always)]
-pub(in crate::visibility) fn above_horizon(a: Vertex, b: Vertex, lines: usize) -> Option<[Vertex; 2]> {
-    let on_horizon = |above: Vertex, below: Vertex| {
-        let east = below.east * above.up - above.east * below.up;
-        let north = below.north * above.up - above.north * below.up;
-        Vertex { place: if east < 0.0 { lines as i32 } else { 0 }, east, up: 0.0, north }
-    };
-    match (a.place >= 0, b.place >= 0) {
-        (false, false) => None,
-        (true, true) => Some([a, b]),
-        (true, false) => Some([a, on_horizon(a, b)]),
-        (false, true) => Some([on_horizon(b, a), b]),
+/// The isolines that an arc crosses from one place to another: so many from the first on, around the sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::visibility) struct Way {
+    first: u32,
+    count: u32,
+    /// Whether the longitude rises on the way.
+    rises: bool,
+}
+
+impl Way {
+    /// The way between ends with these places, on an arc whose plane has the normal a x b in the chart: the shorter way, for
+    /// arcs are below half a turn, and so is the longitude on them. The plane decides if both are as short, alike for a contour
+    /// and for the faces along it.
+    #[inline(always)]
+    pub(in crate::visibility) fn new(a: i32, b: i32, lines: i32, plane: impl FnOnce() -> DVec3) -> Self {
+        let ahead = if b >= a { b - a } else { b - a + lines };
+        let rises = if 2 * ahead == lines { plane().z >= 0.0 } else { 2 * ahead < lines };
+        let (first, count) = if rises { (a, ahead) } else { (b, if ahead == 0 { 0 } else { lines - ahead }) };
+        Self { first: first as u32, count: count as u32, rises }
+    }
+
+    /// The isolines, in at most two runs.
+    #[inline(always)]
+    fn runs(self, lines: usize) -> [Range<usize>; 2] {
+        let (first, end) = (self.first as usize, (self.first + self.count) as usize);
+        [first..end.min(lines), 0..end.max(lines) - lines]
+    }
+
+    /// Whether it crosses an isoline.
+    pub(in crate::visibility) fn crosses(self, line: usize, lines: usize) -> bool {
+        self.runs(lines).iter().any(|run| run.contains(&line))
+    }
+
+    /// +1 if isolines pass the arc from its left to its right, otherwise -1: where the longitude rises, the left of an arc is
+    /// on the side of the pole z, where isolines end.
+    #[inline(always)]
+    pub(in crate::visibility) fn sense(self) -> i32 {
+        if self.rises { -1 } else { 1 }
     }
 }
 
-/// The isolines that an arc crosses from one place to another, and +1 if they pass it from its left to its right on their
-/// way, otherwise -1.
-#[inline(always)]
-pub(in crate::visibility) fn crossed(a: i32, b: i32) -> (Range<u32>, i32) {
-    // Towards larger longitudes the left of an arc is on the side of the pole z.
-    (a.min(b) as u32..a.max(b) as u32, if a < b { -1 } else { 1 })
-}
-
-/// A contour that crosses isolines, both of whose ends lie above the horizon.
+/// A contour that crosses isolines.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chord {
     a: u32,
@@ -45,8 +59,7 @@ struct Chord {
 /// A great circle where it crosses isolines: `tangent = sine sin u + cosine cos u`, within bounds.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    first: u32,
-    last: u32,
+    way: Way,
     /// Change of W along the isolines.
     jump: i32,
     sine: f64,
@@ -60,14 +73,12 @@ struct Piece {
 pub(in crate::visibility) struct Crossings {
     vertices: Vertices,
     chords: Vec<Chord>,
-    /// Contours that pass the horizon.
-    cut: Vec<Chord>,
     pieces: Vec<Piece>,
     /// Number of crossings before each isoline, with an end mark.
     starts: Vec<u32>,
     next: Vec<u32>,
     keys: Vec<i64>,
-    count: Counts,
+    counts: Counts,
 }
 
 /// What became of the contours.
@@ -106,155 +117,114 @@ pub(super) fn crossing(key: i64) -> (f64, i32) {
     (f64::from_bits(bits as u64), (key & mask) as i32 - JUMP_BIAS)
 }
 
+/// Where a receiver looks from, and how.
+#[derive(Clone, Copy)]
+pub(in crate::visibility) struct Outlook<'a> {
+    pub(in crate::visibility) meridians: &'a Meridians,
+    pub(in crate::visibility) frame: MeridianFrame,
+    pub(in crate::visibility) position: DVec3,
+    pub(in crate::visibility) normal: Option<DVec3>,
+}
+
 impl Crossings {
     /// Crosses every contour above the horizon with the isolines.
-    pub(in crate::visibility) fn collect(
-        &mut self,
-        meridians: &Meridians,
-        frame: MeridianFrame,
-        candidates: &Candidates,
-        contours: &Contours,
-        position: DVec3,
-    ) {
+    pub(in crate::visibility) fn collect(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.collect_avx2(meridians, frame, candidates, contours, position) };
+            return unsafe { self.collect_avx2(outlook, candidates, contours) };
         }
-        self.collect_inline(meridians, frame, candidates, contours, position);
+        self.collect_inline(outlook, candidates, contours);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn collect_avx2(
-        &mut self,
-        meridians: &Meridians,
-        frame: MeridianFrame,
-        candidates: &Candidates,
-        contours: &Contours,
-        position: DVec3,
-    ) {
-        self.collect_inline(meridians, frame, candidates, contours, position);
+    fn collect_avx2(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours) {
+        self.collect_inline(outlook, candidates, contours);
     }
 
     #[inline(always)]
-    fn collect_inline(
+    pub(in crate::visibility) fn collect_inline(
         &mut self,
-        meridians: &Meridians,
-        frame: MeridianFrame,
+        outlook: Outlook,
         candidates: &Candidates,
         contours: &Contours,
-        position: DVec3,
     ) {
-        self.vertices.fill(candidates, position, frame, meridians.len());
+        let lines = outlook.meridians.len();
+        self.vertices.fill(candidates, outlook);
         self.choose(candidates, contours);
         self.pieces.clear();
         self.starts.clear();
-        self.starts.resize(meridians.len() + 1, 0);
-        for at in 0..self.cut.len() {
-            self.cut_at_horizon(self.cut[at], meridians, frame, candidates, position);
-        }
-        self.pieces(frame, candidates, position);
-        self.bucket(meridians);
+        self.starts.resize(lines + 1, 0);
+        self.circles(outlook, candidates);
+        self.bucket(outlook.meridians);
     }
 
-    /// Keeps the contours that cross isolines.
+    /// Keeps the contours that cross isolines above the horizon.
     #[inline(always)]
     fn choose(&mut self, candidates: &Candidates, contours: &Contours) {
-        let (edges, places) = (candidates.edges(), &*self.vertices.places);
-        let contours = contours.edges();
+        let (edges, contours) = (candidates.edges(), contours.edges());
+        let Vertices { places, below, .. } = &self.vertices;
         self.chords.resize(contours.len() + 1, Chord::default());
-        self.cut.clear();
-        let (mut count, mut below) = (0, 0);
+        let (mut count, mut hidden) = (0, 0);
         for contour in contours {
             let edge = &edges[contour.edge as usize];
-            let [a, b] = [edge.a, edge.b].map(|vertex| places[vertex as usize]);
-            let chord = Chord { a: edge.a, b: edge.b, jump: contour.jump };
+            let (a, b) = (edge.a as usize, edge.b as usize);
+            let is_below = below[a] & below[b];
             // All are written, those that cross stay: which they are is hard to predict.
-            self.chords[count] = chord;
-            count += usize::from((a != b) & (a >= 0) & (b >= 0));
-            below += usize::from((a < 0) & (b < 0));
-            if (a ^ b) < 0 {
-                self.cut.push(chord);
-            }
+            self.chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
+            count += usize::from((places[a] != places[b]) & !is_below);
+            hidden += usize::from(is_below);
         }
         self.chords.truncate(count);
-        let above = contours.len() - below;
-        self.count = Counts { above, below, between: above - count - self.cut.len() };
-    }
-
-    fn cut_at_horizon(
-        &mut self,
-        Chord { a, b, jump }: Chord,
-        meridians: &Meridians,
-        frame: MeridianFrame,
-        candidates: &Candidates,
-        position: DVec3,
-    ) {
-        let [xa, xb] = [a, b].map(|vertex| candidates.position(vertex));
-        let plane = frame.apply(arc_plane(xa - position, xa, xb));
-        let [a, b] = [a, b].map(|vertex| self.vertices.get(vertex));
-        if let Some([a, b]) = above_horizon(a, b, meridians.len()) {
-            let circle = Circles::new(
-                plane.to_array().map(|x| [x]),
-                [[a.east], [b.east]],
-                [[a.up], [b.up]],
-                [[a.north], [b.north]],
-                [a.place < b.place],
-            );
-            self.push(circle.get(0), [a.place, b.place], jump);
-        }
+        let above = contours.len() - hidden;
+        self.counts = Counts { above, below: hidden, between: above - count };
     }
 
     /// The circles of all chords, four at a time.
     #[inline(always)]
-    fn pieces(&mut self, frame: MeridianFrame, candidates: &Candidates, position: DVec3) {
+    fn circles(&mut self, Outlook { meridians, frame, position, .. }: Outlook, candidates: &Candidates) {
         const LANES: usize = 4;
-        let chords = std::mem::take(&mut self.chords);
+        let lines = meridians.len();
         let [x, y, z] = candidates.coordinates();
-        for chunk in chords.chunks(LANES) {
+        for chunk in 0..self.chords.len().div_ceil(LANES) {
+            let chords = &self.chords[LANES * chunk..];
             // The last lanes repeat the last chord.
-            let chord = |lane: usize| chunk[lane.min(chunk.len() - 1)];
+            let chord = |lane: usize| chords[lane.min(chords.len() - 1)];
             let from: [usize; LANES] = std::array::from_fn(|lane| chord(lane).a as usize);
             let to: [usize; LANES] = std::array::from_fn(|lane| chord(lane).b as usize);
             let at = |values: &[f32], vertices: [usize; LANES]| vertices.map(|vertex| f64::from(values[vertex]));
-            let of = |values: &[f64]| [from, to].map(|vertices| vertices.map(|vertex| values[vertex]));
-            let places = [from, to].map(|vertices| vertices.map(|vertex| self.vertices.places[vertex]));
-            let (xa, ya, za) = (at(x, from), at(y, from), at(z, from));
-            let (xb, yb, zb) = (at(x, to), at(y, to), at(z, to));
+            let [a, b] = [from, to].map(|ends| [at(x, ends), at(y, ends), at(z, ends)]);
             let mut planes = [[0.0; LANES]; 3];
             for lane in 0..LANES {
-                let (a, b) = (DVec3::new(xa[lane], ya[lane], za[lane]), DVec3::new(xb[lane], yb[lane], zb[lane]));
+                let [a, b] = [&a, &b].map(|[x, y, z]| DVec3::new(x[lane], y[lane], z[lane]));
                 let plane = frame.apply(arc_plane(a - position, a, b));
                 (planes[0][lane], planes[1][lane], planes[2][lane]) = (plane.x, plane.y, plane.z);
             }
-            let rising = std::array::from_fn(|lane| places[0][lane] < places[1][lane]);
-            let circles = Circles::new(
-                planes,
-                of(&self.vertices.east),
-                of(&self.vertices.up),
-                of(&self.vertices.north),
-                rising,
-            );
-            for (lane, chord) in chunk.iter().enumerate() {
-                self.push(circles.get(lane), [places[0][lane], places[1][lane]], chord.jump);
+            let ways: [Way; LANES] = std::array::from_fn(|lane| {
+                let [a, b] = [from, to].map(|ends| self.vertices.places[ends[lane]]);
+                Way::new(a, b, lines as i32, || DVec3::from_array(planes.map(|axis| axis[lane])))
+            });
+            let ends = [from, to].map(|ends| [0, 1, 2].map(|axis| ends.map(|end| self.vertices.axes[axis][end])));
+            let circles = Circles::new(planes, ends, ways.map(|way| way.rises));
+            for lane in 0..chords.len().min(LANES) {
+                self.push(circles.get(lane), ways[lane], self.chords[LANES * chunk + lane].jump, lines);
             }
         }
-        self.chords = chords;
     }
 
     #[inline(always)]
-    fn push(&mut self, [sine, cosine, least, most]: [f64; 4], [a, b]: [i32; 2], jump: i32) {
-        let (lines, sense) = crossed(a, b);
-        let Range { start: first, end: last } = lines;
-        let mut left = if first < last { sense * jump } else { 0 };
+    fn push(&mut self, [sine, cosine, least, most]: [f64; 4], way: Way, jump: i32, lines: usize) {
+        let mut left = way.sense() * jump;
         while left != 0 {
             let jump = left.clamp(-JUMP_BIAS, JUMP_BIAS - 1);
             left -= jump;
-            self.pieces.push(Piece { first, last, jump, sine, cosine, least, most });
+            self.pieces.push(Piece { way, jump, sine, cosine, least, most });
             // Differences now, counts after the running sum in `bucket`.
-            self.starts[first as usize] = self.starts[first as usize].wrapping_add(1);
-            self.starts[last as usize] = self.starts[last as usize].wrapping_sub(1);
+            for run in way.runs(lines) {
+                self.starts[run.start] = self.starts[run.start].wrapping_add(1);
+                self.starts[run.end] = self.starts[run.end].wrapping_sub(1);
+            }
         }
     }
 
@@ -274,12 +244,13 @@ impl Crossings {
         }
         let (cos, sin) = (&*meridians.cos, &*meridians.sin);
         for piece in &self.pieces {
-            let lines = piece.first as usize..piece.last as usize;
-            let places = self.next[lines.clone()].iter_mut();
-            for (next, (cos, sin)) in places.zip(cos[lines.clone()].iter().zip(&sin[lines])) {
-                let tangent = (piece.sine * sin + piece.cosine * cos).max(piece.least).min(piece.most);
-                self.keys[*next as usize] = key(tangent, piece.jump);
-                *next += 1;
+            for run in piece.way.runs(meridians.len()) {
+                let places = self.next[run.clone()].iter_mut();
+                for (next, (cos, sin)) in places.zip(cos[run.clone()].iter().zip(&sin[run])) {
+                    let tangent = (piece.sine * sin + piece.cosine * cos).max(piece.least).min(piece.most);
+                    self.keys[*next as usize] = key(tangent, piece.jump);
+                    *next += 1;
+                }
             }
         }
         for line in 0..meridians.len() {
@@ -297,7 +268,7 @@ impl Crossings {
 
     /// What became of the contours.
     pub(in crate::visibility) fn counts(&self) -> Counts {
-        self.count
+        self.counts
     }
 }
 
@@ -310,33 +281,25 @@ struct Circles<const N: usize> {
 }
 
 impl<const N: usize> Circles<N> {
-    /// From the planes' normals, the ends in the chart, and whether the longitude rises from
-    /// the first end to the second.
+    /// From the planes' normals, the directions of the ends, and whether the longitude rises from the first to the second.
     #[inline(always)]
-    fn new(
-        [x, y, z]: [[f64; N]; 3],
-        east: [[f64; N]; 2],
-        up: [[f64; N]; 2],
-        north: [[f64; N]; 2],
-        rising: [bool; N],
-    ) -> Self {
+    fn new([x, y, z]: [[f64; N]; 3], ends: [[[f64; N]; 3]; 2], rises: [bool; N]) -> Self {
         let mut circles = Self { sine: [0.0; N], cosine: [0.0; N], least: [0.0; N], most: [0.0; N] };
         for i in 0..N {
             // The longitude rises if the pole z is to the left. Of circles through the poles, to rounding, it is known as well.
             let steep = z[i].abs().max(1e-200 * (x[i].abs() + y[i].abs()));
-            let scale = if rising[i] { -1.0 / steep } else { 1.0 / steep };
+            let scale = if rises[i] { -1.0 / steep } else { 1.0 / steep };
             let (sine, cosine) = (y[i] * scale, x[i] * scale);
-            // The latitude's derivative at either end, by longitude: between different signs lies an extremum.
-            let ascends = [0, 1].map(|end| sine * east[end][i] - cosine * up[end][i] > 0.0);
-            let descends = [0, 1].map(|end| sine * east[end][i] - cosine * up[end][i] < 0.0);
-            let (early, late) = if rising[i] { (0, 1) } else { (1, 0) };
-            let peak = (sine * sine + cosine * cosine).sqrt();
-            let tangents = [0, 1].map(|end| {
-                north[end][i] / (east[end][i] * east[end][i] + up[end][i] * up[end][i]).sqrt()
-            });
+            let tangent = |[east, up, north]: &[[f64; N]; 3]| north[i] / (east[i] * east[i] + up[i] * up[i]).sqrt();
+            let tangents = [tangent(&ends[0]), tangent(&ends[1])];
             let (low, high) = (tangents[0].min(tangents[1]), tangents[0].max(tangents[1]));
-            let high = if ascends[early] & descends[late] { high.max(peak) } else { high };
-            let low = if descends[early] & ascends[late] { low.min(-peak) } else { low };
+            // The latitude's derivatives by longitude at the ends: between different signs lies an extremum.
+            let climb = |[east, up, _]: &[[f64; N]; 3]| sine * east[i] - cosine * up[i];
+            let climbs = [climb(&ends[0]), climb(&ends[1])];
+            let (early, late) = if rises[i] { (climbs[0], climbs[1]) } else { (climbs[1], climbs[0]) };
+            let peak = (sine * sine + cosine * cosine).sqrt();
+            let high = if (early > 0.0) & (late < 0.0) { high.max(peak) } else { high };
+            let low = if (early < 0.0) & (late > 0.0) { low.min(-peak) } else { low };
             circles.sine[i] = sine;
             circles.cosine[i] = cosine;
             circles.least[i] = low.max(-FARTHEST).min(FARTHEST);
