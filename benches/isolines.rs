@@ -12,7 +12,7 @@ use scene::Case;
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
 use silhouette::scene::FaceTree;
 use silhouette::sphere::{Order, hemisphere};
-use silhouette::visibility::{Frame, Isolines, MeridianFrame, Meridians, Sight, View, Viewer, open_intervals};
+use silhouette::visibility::{Frame, Isolines, MeridianFrame, Meridians, Sight, Skips, View, Viewer, open_intervals};
 
 /// Scene and receivers timed.
 const SCENES: [(&str, usize); 6] =
@@ -47,10 +47,11 @@ impl Engine<'_> {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             viewer.approach(receivers.clone(), &mut self.view);
             for receiver in receivers {
-                let frame = MeridianFrame::facing(receiver.normal, 0);
+                let frame = MeridianFrame::facing(receiver.normal, false);
                 row.fill(0.0);
                 viewer.find(receiver, &mut self.view);
-                match (viewer.trace(&self.meridians, frame, receiver, &mut self.view), receiver.normal) {
+                let sight = viewer.trace(&self.meridians, frame, receiver, Skips::default(), &mut self.view);
+                match (sight, receiver.normal) {
                     (Sight::Open, Some(normal)) => row.copy_from_slice(&hemisphere(table.order(), normal)),
                     (Sight::Part(_), _) => {
                         table.integrate(self.view.spans(), &mut moments);

@@ -8,6 +8,7 @@ use super::solver::Solver;
 use super::tiles::{TILE_RADIUS, tiles};
 use super::{Array, Arrays, Control, Method, Outcome, Partial, Receivers, Request, Statistics};
 use crate::scene::{Environment, Geometry};
+use crate::visibility::Skips;
 use crate::{Error, Result};
 
 /// Computes what `request` asks for at every receiver by `method`, on the threads of the current rayon pool.
@@ -28,6 +29,24 @@ pub fn integrate(
     resume: Option<Partial>,
     control: &dyn Control,
 ) -> Result<Outcome> {
+    integrate_with(geometry, environment, receivers, request, method, Skips::default(), resume, control)
+}
+
+/// [`integrate`], doing what `skips` does not leave out; the results are the same, bit for bit.
+///
+/// # Errors
+/// Those of [`integrate`].
+#[expect(clippy::too_many_arguments, reason = "one more than `integrate`, for those who measure")]
+pub fn integrate_with(
+    geometry: &Geometry,
+    environment: Option<&Environment>,
+    receivers: &Receivers,
+    request: &Request,
+    method: Method,
+    skips: Skips,
+    resume: Option<Partial>,
+    control: &dyn Control,
+) -> Result<Outcome> {
     let layout = Layout::new(request, receivers.normals.is_empty())?;
     let light = match (request.irradiance || request.vector_irradiance, environment) {
         (false, _) => None,
@@ -37,7 +56,7 @@ pub fn integrate(
     let started = Instant::now();
     match method {
         Method::Isolines { .. } | Method::Exact => {
-            let baker = Solver::new(geometry, light, request, &layout, method)?;
+            let baker = Solver::new(geometry, light, request, &layout, method, skips)?;
             run(&baker, &layout, geometry, receivers, method, request, resume, started, control)
         }
         Method::Qmc { samples, seed } => {
@@ -71,6 +90,10 @@ pub(super) struct Counts {
     pub(super) enclosed: u64,
     /// Receivers for which a neighbour's contour search served.
     pub(super) shared_searches: u64,
+    /// Contours below the horizon that the search did not leave out.
+    pub(super) below_horizon: u64,
+    /// Contours between two isolines.
+    pub(super) between_isolines: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -81,6 +104,8 @@ impl std::ops::AddAssign for Counts {
         self.open += other.open;
         self.enclosed += other.enclosed;
         self.shared_searches += other.shared_searches;
+        self.below_horizon += other.below_horizon;
+        self.between_isolines += other.between_isolines;
     }
 }
 
@@ -136,6 +161,8 @@ fn run<B: Baker>(
         ("open_receivers", counts.open),
         ("enclosed_receivers", counts.enclosed),
         ("shared_searches", counts.shared_searches),
+        ("contours_below_horizon", counts.below_horizon),
+        ("contours_between_isolines", counts.between_isolines),
     ];
     let statistics = Statistics {
         receivers: solved,

@@ -18,10 +18,11 @@ mod statistics;
 mod tiles;
 pub mod writers;
 
+pub use crate::visibility::Skips;
 pub use arrays::{Array, Arrays};
 pub use baked::{Baked, BakedImage, BakedVertices};
 pub use channels::{components, flip_phase};
-pub use integrate::integrate;
+pub use integrate::{integrate, integrate_with};
 pub use partial::Partial;
 pub use pixels::Pixels;
 pub use progress::Control;

@@ -12,7 +12,9 @@ use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, Lin
 use crate::reference::{self, PixelDistribution, Qmc, RayScene};
 use crate::scene::{Environment, FaceTree, Geometry};
 use crate::sphere::{self, Order};
-use crate::visibility::{Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, View, Viewer, open_intervals};
+use crate::visibility::{
+    Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, Skips, View, Viewer, open_intervals,
+};
 use crate::{Error, Result};
 
 /// Visibility by contours: along isolines or exactly, and each as the other's second opinion.
@@ -23,6 +25,7 @@ pub(super) struct Solver<'a> {
     edges: DualBvh,
     faces: FaceTree,
     method: Method,
+    skips: Skips,
     assembly: Assembly<'a>,
     layout: &'a Layout,
     lines: OnceLock<Lines>,
@@ -72,12 +75,14 @@ impl<'a> Solver<'a> {
         request: &Request,
         layout: &'a Layout,
         method: Method,
+        skips: Skips,
     ) -> Result<Self> {
         let solver = Self {
             geometry,
             edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
             faces: FaceTree::new(geometry.positions.clone(), geometry.triangles.clone()),
             method,
+            skips,
             assembly: Assembly::new(environment, request, layout)?,
             layout,
             lines: OnceLock::new(),
@@ -193,9 +198,12 @@ impl<'a> Solver<'a> {
     ) -> bool {
         let Memory { view, moments, local, seen } = memory;
         let order = table.order();
-        let frame = MeridianFrame::facing(receiver.normal, rank);
-        let sight = self.viewer().trace(meridians, frame, receiver, view);
-        counts.contours = view.counts().above as u64;
+        let frame = MeridianFrame::facing(receiver.normal, rank > 0);
+        let sight = self.viewer().trace(meridians, frame, receiver, self.skips, view);
+        let contours = view.counts();
+        counts.contours = contours.above as u64;
+        counts.below_horizon = contours.below as u64;
+        counts.between_isolines = contours.between as u64;
         counts.open += u64::from(sight == Sight::Open);
         counts.enclosed += u64::from(sight == Sight::Enclosed);
         seen.visibility.clear();
@@ -346,10 +354,20 @@ impl Baker for Solver<'_> {
     type Memory = Memory;
 
     fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Memory) -> Result<Counts> {
-        self.viewer().approach(tile.iter().map(|&index| receivers.get(index as usize)), &mut memory.view);
-        let mut counts = Counts { shared_searches: tile.len() as u64 - 1, ..Counts::default() };
-        for (&index, row) in tile.iter().zip(rows.chunks_exact_mut(self.layout.width)) {
-            counts += self.receiver(index as usize, receivers.get(index as usize), row, memory)?;
+        let mut counts = Counts::default();
+        let together = if self.skips.shared_searches { tile.len() } else { 1 };
+        for (tile, rows) in tile.chunks(together).zip(rows.chunks_mut(together * self.layout.width)) {
+            let receivers = tile.iter().map(|&index| receivers.get(index as usize));
+            if self.skips.below_horizon {
+                self.viewer().approach(receivers.clone(), &mut memory.view);
+            } else {
+                let all_around = receivers.clone().map(|receiver| Receiver { normal: None, ..receiver });
+                self.viewer().approach(all_around, &mut memory.view);
+            }
+            counts.shared_searches += tile.len() as u64 - 1;
+            for ((&index, receiver), row) in tile.iter().zip(receivers).zip(rows.chunks_exact_mut(self.layout.width)) {
+                counts += self.receiver(index as usize, receiver, row, memory)?;
+            }
         }
         Ok(counts)
     }

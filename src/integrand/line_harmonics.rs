@@ -268,7 +268,7 @@ mod tests {
         for order in orders() {
             let table = LineHarmonics::new(order, &meridians);
             for normal in [DVec3::Y, DVec3::NEG_X, DVec3::new(0.6, 0.0, -0.8)] {
-                let frame = MeridianFrame::facing(Some(normal), 0);
+                let frame = MeridianFrame::facing(Some(normal), false);
                 let n = frame.axes().transpose() * normal;
                 let horizon = |line: usize| {
                     let (sin, cos) = meridians.u(line).sin_cos();

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::contours::arc_plane;
 use super::crossings::{Passage, Place, passage, spine_jump};
-use super::meridians::{Vertex, Way};
+use super::meridians::{Way, place};
 use super::{Frame, Isolines, MeridianFrame, Meridians};
 use crate::scene::FaceTree;
 
@@ -77,7 +77,7 @@ pub(super) fn count_at_start(
             let [a, b, c] = faces.corners(face);
             let sign = i32::from(face_sign(position, a, b, c));
             let corners = [a, b, c].map(|x| x.as_dvec3());
-            let places = corners.map(|x| Vertex::new(frame.apply(x - position), lines).place);
+            let places = corners.map(|x| place(frame.apply(x - position), lines));
             let mut total = 0;
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };

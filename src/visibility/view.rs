@@ -6,7 +6,7 @@ use super::depth::{count_along, count_at_start, count_on_spine};
 use super::exact::{self, Region};
 use super::meridians::{self, Outlook};
 use super::sweep::{Interval, Sweep, base_line, sweep};
-use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Spans};
+use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Skips, Spans};
 use crate::scene::FaceTree;
 
 /// A point from which the scene is seen.
@@ -96,16 +96,30 @@ impl Viewer<'_> {
     }
 
     /// What the receiver whose contours were just found sees along the meridians: the [`View::spans`], if it sees a part.
-    pub fn trace(&self, meridians: &Meridians, frame: MeridianFrame, receiver: Receiver, view: &mut View) -> Sight {
+    pub fn trace(
+        &self,
+        meridians: &Meridians,
+        frame: MeridianFrame,
+        receiver: Receiver,
+        skips: Skips,
+        view: &mut View,
+    ) -> Sight {
         let Receiver { position, normal, excluded } = receiver;
         let View { candidates, contours, meridian_crossings: crossings, spans, .. } = view;
         let outlook = Outlook { meridians, frame, position, normal };
-        crossings.collect(outlook, candidates, contours);
+        crossings.choose(outlook, candidates, contours, !skips.between_isolines);
         let depth = count_at_start(self.faces, meridians, frame, position, excluded);
-        if crossings.counts().above == 0 {
-            return if depth == 0 { Sight::Open } else { Sight::Enclosed };
+        let sight = match (crossings.counts().above, depth) {
+            (0, 0) => Some((Sight::Open, skips.open_receivers)),
+            (0, _) => Some((Sight::Enclosed, skips.enclosed_receivers)),
+            _ => None,
+        };
+        if let Some((sight, true)) = sight {
+            return sight;
         }
-        Sight::Part(meridians::sweep(outlook, crossings, depth, spans))
+        crossings.cross(outlook, candidates);
+        let sweep = meridians::sweep(outlook, crossings, depth, spans);
+        sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
     }
 
     /// What the receiver just faced sees along the isolines: their visible intervals.
@@ -223,13 +237,26 @@ mod tests {
         }
     }
 
+    fn portable_crossings_are_the_same(meridians: &Meridians, frame: MeridianFrame, receiver: Receiver, view: &View) {
+        let Receiver { position, normal, .. } = receiver;
+        let outlook = Outlook { meridians, frame, position, normal };
+        let (mut one, mut other) = (meridians::Crossings::default(), meridians::Crossings::default());
+        one.choose(outlook, &view.candidates, &view.contours, false);
+        one.cross(outlook, &view.candidates);
+        other.choose_inline(outlook, &view.candidates, &view.contours, false);
+        other.cross_inline(outlook, &view.candidates);
+        assert!((0..meridians.len()).all(|line| one.along(line) == other.along(line)));
+        assert_eq!(one.counts(), other.counts());
+    }
+
     /// Compares the spans with counted rays at points of every meridian.
     fn spans_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
         let meridians = Meridians::new(14).unwrap();
         viewer.find(receiver, view);
-        for rank in 0..3 {
-            let frame = MeridianFrame::facing(receiver.normal, rank);
-            let sight = viewer.trace(&meridians, frame, receiver, view);
+        for second in [false, true] {
+            let frame = MeridianFrame::facing(receiver.normal, second);
+            portable_crossings_are_the_same(&meridians, frame, receiver, view);
+            let sight = viewer.trace(&meridians, frame, receiver, Skips::default(), view);
             if let Sight::Part(sweep) = sight {
                 assert_eq!(sweep.depth_alarms, 0);
             }

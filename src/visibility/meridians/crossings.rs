@@ -3,7 +3,7 @@ use std::ops::Range;
 use dual_bvh::{Candidates, Contours};
 use glam::DVec3;
 
-use super::vertices::Vertices;
+use super::vertices::{BELOW, fill};
 use super::{MeridianFrame, Meridians};
 use crate::visibility::contours::arc_plane;
 
@@ -71,7 +71,8 @@ struct Piece {
 /// All crossings of one receiver's contours with the isolines, sorted along each.
 #[derive(Clone, Debug, Default)]
 pub(in crate::visibility) struct Crossings {
-    vertices: Vertices,
+    /// Of the candidates' vertices.
+    places: Vec<i32>,
     chords: Vec<Chord>,
     pieces: Vec<Piece>,
     /// Number of crossings before each isoline, with an end mark.
@@ -127,58 +128,86 @@ pub(in crate::visibility) struct Outlook<'a> {
 }
 
 impl Crossings {
-    /// Crosses every contour above the horizon with the isolines.
-    pub(in crate::visibility) fn collect(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours) {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has the feature.
-            return unsafe { self.collect_avx2(outlook, candidates, contours) };
-        }
-        self.collect_inline(outlook, candidates, contours);
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn collect_avx2(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours) {
-        self.collect_inline(outlook, candidates, contours);
-    }
-
-    #[inline(always)]
-    pub(in crate::visibility) fn collect_inline(
+    /// Places the contours between the isolines and keeps those that cross some; with `between`, the others too.
+    pub(in crate::visibility) fn choose(
         &mut self,
         outlook: Outlook,
         candidates: &Candidates,
         contours: &Contours,
+        between: bool,
     ) {
-        let lines = outlook.meridians.len();
-        self.vertices.fill(candidates, outlook);
-        self.choose(candidates, contours);
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.choose_avx2(outlook, candidates, contours, between) };
+        }
+        self.choose_inline(outlook, candidates, contours, between);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn choose_avx2(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours, between: bool) {
+        self.choose_inline(outlook, candidates, contours, between);
+    }
+
+    #[inline(always)]
+    pub(in crate::visibility) fn choose_inline(
+        &mut self,
+        outlook: Outlook,
+        candidates: &Candidates,
+        contours: &Contours,
+        between: bool,
+    ) {
+        fill(&mut self.places, candidates, outlook);
+        self.keep(candidates, contours, between);
+    }
+
+    /// Crosses the contours that were chosen with the isolines.
+    pub(in crate::visibility) fn cross(&mut self, outlook: Outlook, candidates: &Candidates) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.cross_avx2(outlook, candidates) };
+        }
+        self.cross_inline(outlook, candidates);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn cross_avx2(&mut self, outlook: Outlook, candidates: &Candidates) {
+        self.cross_inline(outlook, candidates);
+    }
+
+    #[inline(always)]
+    pub(in crate::visibility) fn cross_inline(&mut self, outlook: Outlook, candidates: &Candidates) {
         self.pieces.clear();
         self.starts.clear();
-        self.starts.resize(lines + 1, 0);
+        self.starts.resize(outlook.meridians.len() + 1, 0);
         self.circles(outlook, candidates);
         self.bucket(outlook.meridians);
     }
 
     /// Keeps the contours that cross isolines above the horizon.
     #[inline(always)]
-    fn choose(&mut self, candidates: &Candidates, contours: &Contours) {
+    fn keep(&mut self, candidates: &Candidates, contours: &Contours, between: bool) {
         let (edges, contours) = (candidates.edges(), contours.edges());
-        let Vertices { places, below, .. } = &self.vertices;
+        let places = &*self.places;
         self.chords.resize(contours.len() + 1, Chord::default());
-        let (mut count, mut hidden) = (0, 0);
+        let (mut count, mut hidden, mut crossing) = (0, 0, 0);
         for contour in contours {
             let edge = &edges[contour.edge as usize];
-            let (a, b) = (edge.a as usize, edge.b as usize);
-            let is_below = below[a] & below[b];
+            let (a, b) = (places[edge.a as usize], places[edge.b as usize]);
+            let is_below = a & b & BELOW != 0;
             // All are written, those that cross stay: which they are is hard to predict.
             self.chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
-            count += usize::from((places[a] != places[b]) & !is_below);
+            let crosses = ((a ^ b) & !BELOW != 0) & !is_below;
+            count += usize::from(crosses | between);
+            crossing += usize::from(crosses);
             hidden += usize::from(is_below);
         }
         self.chords.truncate(count);
         let above = contours.len() - hidden;
-        self.counts = Counts { above, below: hidden, between: above - count };
+        self.counts = Counts { above, below: hidden, between: above - crossing };
     }
 
     /// The circles of all chords, four at a time.
@@ -189,41 +218,47 @@ impl Crossings {
         let [x, y, z] = candidates.coordinates();
         for chunk in 0..self.chords.len().div_ceil(LANES) {
             let chords = &self.chords[LANES * chunk..];
-            // The last lanes repeat the last chord.
-            let chord = |lane: usize| chords[lane.min(chords.len() - 1)];
-            let from: [usize; LANES] = std::array::from_fn(|lane| chord(lane).a as usize);
-            let to: [usize; LANES] = std::array::from_fn(|lane| chord(lane).b as usize);
-            let at = |values: &[f32], vertices: [usize; LANES]| vertices.map(|vertex| f64::from(values[vertex]));
-            let [a, b] = [from, to].map(|ends| [at(x, ends), at(y, ends), at(z, ends)]);
-            let mut planes = [[0.0; LANES]; 3];
+            let (mut planes, mut ends) = ([[0.0; LANES]; 3], [[[0.0; LANES]; 3]; 2]);
+            let mut ways = [Way { first: 0, count: 0, rises: false }; LANES];
+            let mut corners = [[[0.0; LANES]; 3]; 2];
             for lane in 0..LANES {
-                let [a, b] = [&a, &b].map(|[x, y, z]| DVec3::new(x[lane], y[lane], z[lane]));
-                let plane = frame.apply(arc_plane(a - position, a, b));
+                // The last lanes repeat the last chord.
+                let Chord { a, b, .. } = chords[lane.min(chords.len() - 1)];
+                for (end, vertex) in [a as usize, b as usize].into_iter().enumerate() {
+                    for (axis, values) in [x, y, z].into_iter().enumerate() {
+                        corners[end][axis][lane] = f64::from(values[vertex]);
+                    }
+                }
+            }
+            for lane in 0..LANES {
+                let at = |end: usize| DVec3::new(corners[end][0][lane], corners[end][1][lane], corners[end][2][lane]);
+                let directions = [at(0) - position, at(1) - position];
+                let plane = frame.apply(arc_plane(directions[0], at(0), at(1)));
                 (planes[0][lane], planes[1][lane], planes[2][lane]) = (plane.x, plane.y, plane.z);
+                for (end, &direction) in directions.iter().enumerate() {
+                    let w = frame.apply(direction);
+                    (ends[end][0][lane], ends[end][1][lane], ends[end][2][lane]) = (w.x, w.y, w.z);
+                }
             }
-            let ways: [Way; LANES] = std::array::from_fn(|lane| {
-                let [a, b] = [from, to].map(|ends| self.vertices.places[ends[lane]]);
-                Way::new(a, b, lines as i32, || DVec3::from_array(planes.map(|axis| axis[lane])))
-            });
-            let ends = [from, to].map(|ends| [0, 1, 2].map(|axis| ends.map(|end| self.vertices.axes[axis][end])));
-            let circles = Circles::new(planes, ends, ways.map(|way| way.rises));
+            for lane in 0..LANES {
+                let Chord { a, b, .. } = chords[lane.min(chords.len() - 1)];
+                let plane = || DVec3::new(planes[0][lane], planes[1][lane], planes[2][lane]);
+                let [a, b] = [a, b].map(|vertex| self.places[vertex as usize] & !BELOW);
+                ways[lane] = Way::new(a, b, lines as i32, plane);
+            }
+            let circles = Circles::new(&planes, &ends, &ways);
             for lane in 0..chords.len().min(LANES) {
-                self.push(circles.get(lane), ways[lane], self.chords[LANES * chunk + lane].jump, lines);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn push(&mut self, [sine, cosine, least, most]: [f64; 4], way: Way, jump: i32, lines: usize) {
-        let mut left = way.sense() * jump;
-        while left != 0 {
-            let jump = left.clamp(-JUMP_BIAS, JUMP_BIAS - 1);
-            left -= jump;
-            self.pieces.push(Piece { way, jump, sine, cosine, least, most });
-            // Differences now, counts after the running sum in `bucket`.
-            for run in way.runs(lines) {
-                self.starts[run.start] = self.starts[run.start].wrapping_add(1);
-                self.starts[run.end] = self.starts[run.end].wrapping_sub(1);
+                let mut left = ways[lane].sense() * chords[lane].jump;
+                while left != 0 {
+                    let jump = left.clamp(-JUMP_BIAS, JUMP_BIAS - 1);
+                    left -= jump;
+                    self.pieces.push(circles.piece(lane, ways[lane], jump));
+                    // Differences now, counts after the running sum in `bucket`.
+                    for run in ways[lane].runs(lines) {
+                        self.starts[run.start] = self.starts[run.start].wrapping_add(1);
+                        self.starts[run.end] = self.starts[run.end].wrapping_sub(1);
+                    }
+                }
             }
         }
     }
@@ -262,7 +297,7 @@ impl Crossings {
     }
 
     /// Sorted crossings of one isoline; take each apart with [`crossing`].
-    pub(super) fn along(&self, line: usize) -> &[i64] {
+    pub(in crate::visibility) fn along(&self, line: usize) -> &[i64] {
         &self.keys[self.starts[line] as usize..self.starts[line + 1] as usize]
     }
 
@@ -281,14 +316,14 @@ struct Circles<const N: usize> {
 }
 
 impl<const N: usize> Circles<N> {
-    /// From the planes' normals, the directions of the ends, and whether the longitude rises from the first to the second.
+    /// From the planes' normals, the directions of the ends, and the ways from the first to the second.
     #[inline(always)]
-    fn new([x, y, z]: [[f64; N]; 3], ends: [[[f64; N]; 3]; 2], rises: [bool; N]) -> Self {
+    fn new([x, y, z]: &[[f64; N]; 3], ends: &[[[f64; N]; 3]; 2], ways: &[Way; N]) -> Self {
         let mut circles = Self { sine: [0.0; N], cosine: [0.0; N], least: [0.0; N], most: [0.0; N] };
         for i in 0..N {
             // The longitude rises if the pole z is to the left. Of circles through the poles, to rounding, it is known as well.
             let steep = z[i].abs().max(1e-200 * (x[i].abs() + y[i].abs()));
-            let scale = if rises[i] { -1.0 / steep } else { 1.0 / steep };
+            let scale = if ways[i].rises { -1.0 / steep } else { 1.0 / steep };
             let (sine, cosine) = (y[i] * scale, x[i] * scale);
             let tangent = |[east, up, north]: &[[f64; N]; 3]| north[i] / (east[i] * east[i] + up[i] * up[i]).sqrt();
             let tangents = [tangent(&ends[0]), tangent(&ends[1])];
@@ -296,7 +331,7 @@ impl<const N: usize> Circles<N> {
             // The latitude's derivatives by longitude at the ends: between different signs lies an extremum.
             let climb = |[east, up, _]: &[[f64; N]; 3]| sine * east[i] - cosine * up[i];
             let climbs = [climb(&ends[0]), climb(&ends[1])];
-            let (early, late) = if rises[i] { (climbs[0], climbs[1]) } else { (climbs[1], climbs[0]) };
+            let (early, late) = if ways[i].rises { (climbs[0], climbs[1]) } else { (climbs[1], climbs[0]) };
             let peak = (sine * sine + cosine * cosine).sqrt();
             let high = if (early > 0.0) & (late < 0.0) { high.max(peak) } else { high };
             let low = if (early < 0.0) & (late > 0.0) { low.min(-peak) } else { low };
@@ -309,7 +344,8 @@ impl<const N: usize> Circles<N> {
     }
 
     #[inline(always)]
-    fn get(&self, lane: usize) -> [f64; 4] {
-        [self.sine[lane], self.cosine[lane], self.least[lane], self.most[lane]]
+    fn piece(&self, lane: usize, way: Way, jump: i32) -> Piece {
+        let (sine, cosine) = (self.sine[lane], self.cosine[lane]);
+        Piece { way, jump, sine, cosine, least: self.least[lane], most: self.most[lane] }
     }
 }

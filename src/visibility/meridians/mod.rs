@@ -14,7 +14,7 @@ pub use crossings::Counts;
 pub(super) use crossings::{Crossings, Outlook, Way};
 pub use sweep::Spans;
 pub(super) use sweep::sweep;
-pub(super) use vertices::Vertex;
+pub(super) use vertices::place;
 
 /// Isolines of longitude: half great circles from one pole to the opposite one.
 ///
@@ -85,15 +85,15 @@ impl MeridianFrame {
     /// Where the isolines of the first octant start: off the diagonal, where the diagonals of cubes and squares are.
     const START: DVec3 = DVec3::new(0.523, 0.615, 0.590);
 
-    /// The best frame for a receiver with this normal (a probe takes any); `rank` 1 and 2 are for a second look.
-    pub fn facing(normal: Option<DVec3>, rank: usize) -> Self {
+    /// The best frame for a receiver with this normal (a probe takes any), or the second best for another look.
+    pub fn facing(normal: Option<DVec3>, second: bool) -> Self {
         let normal = normal.unwrap_or(DVec3::ONE);
         let mut octant = (0..3).fold(0, |octant, axis| octant | usize::from(normal[axis] < 0.0) << axis);
-        if rank > 0 {
-            // The octants beyond the nearest of its sides.
-            let mut axes = [0, 1, 2];
-            axes.sort_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs()));
-            octant ^= 1 << axes[rank - 1];
+        if second {
+            // Beyond the nearest of its octant's sides.
+            let size = normal.abs();
+            let nearest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or_default();
+            octant ^= 1 << nearest;
         }
         Self::of_octant(octant)
     }
@@ -128,6 +128,10 @@ impl MeridianFrame {
     }
 }
 
+/// What is above the horizon by less than this angle counts as below it: faces in the receiver's own plane, which rounding puts on
+/// either side.
+const IN_HORIZON: f64 = 1e-12;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,10 +141,10 @@ mod tests {
         for k in 0..2000 {
             let k = f64::from(k);
             let n = DVec3::new((k * 0.7).sin(), (k * 1.3).cos(), (k * 2.1).sin()).normalize();
-            for (rank, steepest) in [(0, 0.5), (1, 0.25), (2, 0.0)] {
-                let frame = MeridianFrame::facing(Some(n), rank);
+            for (second, steepest) in [(false, 0.5), (true, 0.25)] {
+                let frame = MeridianFrame::facing(Some(n), second);
                 assert!((frame.axes().determinant() - 1.0).abs() < 1e-14);
-                assert!(frame.start().dot(n) > steepest, "{n} {rank} {}", frame.start().dot(n));
+                assert!(frame.start().dot(n) > steepest, "{n} {second} {}", frame.start().dot(n));
                 assert_eq!(frame, MeridianFrame::of_octant(frame.octant()));
             }
         }

@@ -1,3 +1,4 @@
+use super::IN_HORIZON;
 use super::crossings::{Crossings, FARTHEST, Outlook, crossing};
 use crate::visibility::Sweep;
 
@@ -68,7 +69,7 @@ pub(in crate::visibility) fn sweep(outlook: Outlook, crossings: &Crossings, dept
 fn follow(keys: &[i64], mut depth: i32, end: f64, ends: &mut Vec<f64>) -> (i32, bool) {
     let mut from = -Spans::POLE;
     let (mut since, mut is_below) = (from, false);
-    let wide = |from: f64, to: f64| to - from > TIE * (1.0 + from.abs().min(to.abs()).powi(2));
+    let angle = |from: f64, to: f64| (to - from) / (1.0 + from.abs().min(to.abs()).powi(2));
     for &key in keys {
         let (tangent, jump) = crossing(key);
         // At the pole itself crossings still count.
@@ -76,7 +77,7 @@ fn follow(keys: &[i64], mut depth: i32, end: f64, ends: &mut Vec<f64>) -> (i32, 
             break;
         }
         if depth < 0 {
-            is_below |= wide(since, tangent);
+            is_below |= angle(since, tangent) > TIE;
         }
         let next = depth + jump;
         match (depth <= 0, next <= 0) {
@@ -86,8 +87,8 @@ fn follow(keys: &[i64], mut depth: i32, end: f64, ends: &mut Vec<f64>) -> (i32, 
         }
         (depth, since) = (next, tangent);
     }
-    if depth <= 0 && from < end {
+    if depth <= 0 && angle(from, end) > IN_HORIZON {
         ends.extend([from, end]);
     }
-    (depth, is_below || depth < 0 && wide(since, end))
+    (depth, is_below || depth < 0 && angle(since, end) > TIE)
 }
