@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
 use glam::{DQuat, DVec3, Vec3};
 use rayon::ThreadPoolBuilder;
 use scenes::{Random, assembled, request, rms, run, values};
-use silhouette::bake::{Arrays, Control, Method, Partial, Provenance, Receivers, Skips, integrate, integrate_with};
+use silhouette::bake::{Arrays, Control, Method, Partial, Prepared, Provenance, Receivers, Skips, integrate};
 use silhouette::scene::shapes::{Cuboid, Foliage, Icosphere, Opening, Plane, Room, TorusKnot};
 use silhouette::scene::{Environment, Geometry, Mesh};
 
@@ -338,7 +338,8 @@ fn skips_change_no_bit() {
         let request = request(receivers, Some(&environment), ORDER);
         let with = |skips| {
             let method = Method::Isolines { lines: 32 };
-            integrate_with(geometry, Some(&environment), receivers, &request, method, skips, None, &()).unwrap()
+            let prepared = Prepared::new(geometry, Some(&environment)).with_skips(skips);
+            prepared.integrate(receivers, &request, method, None, &()).unwrap()
         };
         let expected = with(all);
         for skips in fewer {

@@ -92,6 +92,22 @@ impl Receivers {
         Self { own: OwnFaces::several(own), ..self }
     }
 
+    /// Some of the receivers, in the order of their indices in `picked`.
+    ///
+    /// # Panics
+    /// If there is no receiver of an index.
+    pub fn pick(&self, picked: impl IntoIterator<Item = usize>) -> Self {
+        let picked: Vec<usize> = picked.into_iter().collect();
+        let own = match self.own {
+            OwnFaces::None => OwnFaces::None,
+            _ => OwnFaces::several(picked.iter().map(|&index| self.get(index).excluded.to_vec()).collect()),
+        };
+        let positions = picked.iter().map(|&index| self.positions[index]).collect();
+        let normals =
+            if self.normals.is_empty() { Vec::new() } else { picked.iter().map(|&i| self.normals[i]).collect() };
+        Self { positions, normals, own }
+    }
+
     /// Number of receivers.
     pub fn len(&self) -> usize {
         self.positions.len()

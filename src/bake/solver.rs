@@ -1,16 +1,16 @@
 use std::sync::OnceLock;
 
-use dual_bvh::{BuildOptions, DualBvh};
 use glam::DVec3;
 
 use super::Method;
 use super::assembly::{Assembly, Seen};
+use super::gradients::Gradients;
 use super::integrate::{Baker, Counts};
 use super::layout::Layout;
-use super::{Receivers, Request};
+use super::{Prepared, Receivers, Request};
 use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, LineMoments};
-use crate::reference::{self, PixelDistribution, Qmc, RayScene};
-use crate::scene::{Environment, FaceTree, Geometry};
+use crate::reference::{self, PixelDistribution, Qmc};
+use crate::scene::Environment;
 use crate::sphere::{self, Order};
 use crate::visibility::{
     Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, Skips, View, Viewer, open_intervals,
@@ -21,28 +21,23 @@ use crate::{Error, Result};
 ///
 /// A receiver whose result raises an alarm is solved again in a rotated frame, then by the other method, then by rays.
 pub(super) struct Solver<'a> {
-    geometry: &'a Geometry,
-    edges: DualBvh,
-    faces: FaceTree,
+    prepared: &'a Prepared<'a>,
+    viewer: Viewer<'a>,
     method: Method,
     skips: Skips,
     assembly: Assembly<'a>,
+    gradients: bool,
     layout: &'a Layout,
     lines: OnceLock<Lines>,
     region_light: OnceLock<LightRegion>,
-    rays: OnceLock<Rays>,
+    /// Where a textured light is bright, for rays as the last resort.
+    bright: OnceLock<Option<PixelDistribution>>,
 }
 
 /// The isolines and their tables, for harmonics and for textured light.
 struct Lines {
     harmonics: Option<(Meridians, LineHarmonics)>,
     light: Option<(Isolines, LightTable)>,
-}
-
-/// The last resort.
-struct Rays {
-    scene: RayScene,
-    bright: Option<PixelDistribution>,
 }
 
 /// A way to solve one receiver.
@@ -66,28 +61,30 @@ pub(super) struct Memory {
     /// Harmonics in the axes of a chart.
     local: Vec<f64>,
     seen: Seen,
+    gradients: Gradients,
+    /// For looks at a receiver's neighbourhood, which leave the tile's search alone.
+    aside: View,
 }
 
 impl<'a> Solver<'a> {
     pub(super) fn new(
-        geometry: &'a Geometry,
+        prepared: &'a Prepared,
         environment: Option<&'a Environment>,
         request: &Request,
         layout: &'a Layout,
         method: Method,
-        skips: Skips,
     ) -> Result<Self> {
         let solver = Self {
-            geometry,
-            edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
-            faces: FaceTree::new(geometry.positions.clone(), geometry.triangles.clone()),
+            prepared,
+            viewer: prepared.viewer()?,
             method,
-            skips,
+            skips: prepared.skips(),
             assembly: Assembly::new(environment, request, layout)?,
+            gradients: request.gradients,
             layout,
             lines: OnceLock::new(),
             region_light: OnceLock::new(),
-            rays: OnceLock::new(),
+            bright: OnceLock::new(),
         };
         // What the method itself needs is built now, what only a second opinion needs when it is asked for.
         match method {
@@ -98,13 +95,9 @@ impl<'a> Solver<'a> {
             Method::Exact => {
                 solver.region_light();
             }
-            Method::Qmc { .. } => unreachable!("rays need no contours"),
+            Method::Qmc { .. } | Method::Embree { .. } => unreachable!("rays need no contours"),
         }
         Ok(solver)
-    }
-
-    fn viewer(&self) -> Viewer<'_> {
-        Viewer { edges: &self.edges, faces: &self.faces }
     }
 
     fn region_light(&self) -> Option<&LightRegion> {
@@ -133,7 +126,7 @@ impl<'a> Solver<'a> {
     /// Everything asked for at one receiver of the tile that `memory.view` approached.
     fn receiver(&self, index: usize, receiver: Receiver, row: &mut [f64], memory: &mut Memory) -> Result<Counts> {
         let mut counts = Counts::default();
-        self.viewer().find(receiver, &mut memory.view);
+        self.viewer.find(receiver, &mut memory.view);
         // On an edge that is not its own the receiver sees that edge in all directions of a half circle, which the contours
         // do not tell.
         let first = if self.is_on_foreign_edge(receiver) { self.attempts().len() - 1 } else { 0 };
@@ -144,6 +137,9 @@ impl<'a> Solver<'a> {
                 Attempt::Rays => self.by_rays(index, receiver, &mut memory.seen)?,
             };
             if !alarm {
+                if self.gradients && !matches!(attempt, Attempt::Exact { .. }) {
+                    self.differentiate(receiver, memory);
+                }
                 counts.depth_alarms = u64::from(number > 0);
                 if let Some(fallback) = number.checked_sub(1) {
                     counts.fallbacks[fallback] = 1;
@@ -152,6 +148,9 @@ impl<'a> Solver<'a> {
             }
         }
         self.assembly.fill(&memory.seen, receiver.normal, row);
+        if self.gradients {
+            self.assembly.fill_gradients(&memory.gradients, receiver.normal, row);
+        }
         match row.iter().all(|value| value.is_finite()) {
             true => Ok(counts),
             false => Err(Error::input(format!("receiver {index}: no method gives a finite result; this is a bug"))),
@@ -161,8 +160,8 @@ impl<'a> Solver<'a> {
     /// Whether the receiver lies, as far as its contours can tell, on an edge or a corner of a face that it does not leave out.
     fn is_on_foreign_edge(&self, Receiver { position, excluded, .. }: Receiver) -> bool {
         let mut found = false;
-        self.faces.visit_around(position, |face| {
-            let [a, b, c] = self.faces.corners(face).map(|corner| corner.as_dvec3() - position);
+        self.viewer.faces.visit_around(position, |face| {
+            let [a, b, c] = self.viewer.faces.corners(face).map(|corner| corner.as_dvec3() - position);
             let is_between = |a: DVec3, b: DVec3| a.dot(b) <= 0.0 && a.cross(b - a) == DVec3::ZERO;
             let holds = is_between(a, b) || is_between(b, c) || is_between(c, a);
             found |= holds && !excluded.contains(&face);
@@ -196,10 +195,10 @@ impl<'a> Solver<'a> {
         memory: &mut Memory,
         counts: &mut Counts,
     ) -> bool {
-        let Memory { view, moments, local, seen } = memory;
+        let Memory { view, moments, local, seen, .. } = memory;
         let order = table.order();
         let frame = MeridianFrame::facing(receiver.normal, rank > 0);
-        let sight = self.viewer().trace(meridians, frame, receiver, self.skips, view);
+        let sight = self.viewer.trace(meridians, frame, receiver, self.skips, view);
         let contours = view.counts();
         counts.contours = contours.above as u64;
         counts.below_horizon = contours.below as u64;
@@ -239,9 +238,9 @@ impl<'a> Solver<'a> {
         let Memory { view, seen, .. } = memory;
         let frame = Frame::facing(receiver.normal, rank);
         let mut moments = LightMoments::default();
-        self.viewer().project(receiver, view);
+        self.viewer.project(receiver, view);
         counts.contours = view.contours().arcs.len() as u64;
-        let sight = self.viewer().follow(isolines, frame, receiver, view, |interval| {
+        let sight = self.viewer.follow(isolines, frame, receiver, view, |interval| {
             moments.add(table, frame.axis(), interval);
         });
         if sight == Sight::Open {
@@ -261,11 +260,11 @@ impl<'a> Solver<'a> {
 
     /// Solves exactly; returns whether an alarm fired.
     fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
-        let Memory { view, seen, .. } = memory;
-        self.viewer().project(receiver, view);
+        let Memory { view, seen, gradients, .. } = memory;
+        self.viewer.project(receiver, view);
         counts.contours = view.contours().arcs.len() as u64;
         let has_contours = !view.contours().arcs.is_empty();
-        let region = self.viewer().solve(frame, receiver, view);
+        let region = self.viewer.solve(frame, receiver, view);
         let residuals = region.residuals();
         if !has_contours {
             counts.open += u64::from(region.solid_angle() > 0.0);
@@ -290,30 +289,45 @@ impl<'a> Solver<'a> {
             seen.light = vectors;
             seen.light_error = error + (rounding + missed) * scale;
         }
+        let alarm = residuals.alarm();
         let is_finite = seen.visibility.iter().all(|v| v.is_finite()) && seen.light.iter().all(|v| v.is_finite());
-        residuals.alarm() || !is_finite
+        let mut is_smooth = true;
+        if let (true, Some(bands)) = (self.gradients, self.assembly.bands) {
+            gradients.take(bands, view, missed);
+            is_smooth = gradients.error.is_finite() && gradients.by_axis.iter().flatten().all(|g| g.is_finite());
+        }
+        alarm || !is_finite || !is_smooth
+    }
+
+    /// Gradients where the exact method has none: from its results nearby.
+    fn differentiate(&self, receiver: Receiver, memory: &mut Memory) {
+        /// Of the scene's diagonal: rounding errors of the differences are below 1e-9 of a harmonic's largest slope.
+        const STEP: f64 = 1e-5;
+        let (Some(bands), Some([low, high])) = (self.assembly.bands, self.prepared.geometry().bounds()) else { return };
+        let step = STEP * low.as_dvec3().distance(high.as_dvec3());
+        let Memory { gradients, aside, .. } = memory;
+        gradients.take_differences(bands, self.viewer, receiver, step, aside);
     }
 
     /// Solves by rays, which raise no alarm.
     fn by_rays(&self, index: usize, receiver: Receiver, seen: &mut Seen) -> Result<bool> {
         let environment = self.assembly.textured;
-        if self.rays.get().is_none() {
-            let bright = environment.map(PixelDistribution::of).transpose()?;
+        if self.bright.get().is_none() {
             // Whoever comes second finds the same built.
-            let _ = self.rays.set(Rays { scene: RayScene::new(self.geometry), bright });
+            let _ = self.bright.set(environment.map(PixelDistribution::of).transpose()?);
         }
-        let Some(rays) = self.rays.get() else { unreachable!("it has just been set") };
+        let bright = self.bright.get().and_then(Option::as_ref);
         let radiance = environment.map(|light| move |w: DVec3| light.radiance(w).as_dvec3().to_array());
         let request = reference::Request {
             visibility_sh: self.assembly.bands,
             vector_irradiance: radiance.is_some(),
-            light: radiance.as_ref().map(|radiance| reference::Light { radiance, distribution: rays.bright.as_ref() }),
+            light: radiance.as_ref().map(|radiance| reference::Light { radiance, distribution: bright }),
             ..reference::Request::default()
         };
         let columns = request.columns();
         let (mut values, mut errors) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
         let qmc = Qmc { samples: LAST_RAYS, seed: 0 };
-        qmc.integrate_one(&rays.scene, index, &receiver, &request, &mut values, &mut errors)?;
+        qmc.integrate_one(self.prepared.rays(), index, &receiver, &request, &mut values, &mut errors)?;
         let worst = |range: std::ops::Range<usize>| 4.0 * errors[range].iter().fold(0.0f64, |worst, e| worst.max(*e));
         seen.visibility.clear();
         seen.visibility.extend_from_slice(&values[columns.visibility_sh.clone()]);
@@ -359,10 +373,10 @@ impl Baker for Solver<'_> {
         for (tile, rows) in tile.chunks(together).zip(rows.chunks_mut(together * self.layout.width)) {
             let receivers = tile.iter().map(|&index| receivers.get(index as usize));
             if self.skips.below_horizon {
-                self.viewer().approach(receivers.clone(), &mut memory.view);
+                self.viewer.approach(receivers.clone(), &mut memory.view);
             } else {
                 let all_around = receivers.clone().map(|receiver| Receiver { normal: None, ..receiver });
-                self.viewer().approach(all_around, &mut memory.view);
+                self.viewer.approach(all_around, &mut memory.view);
             }
             counts.shared_searches += tile.len() as u64 - 1;
             for ((&index, receiver), row) in tile.iter().zip(receivers).zip(rows.chunks_exact_mut(self.layout.width)) {

@@ -68,6 +68,11 @@ impl View {
     pub fn counts(&self) -> Counts {
         self.meridian_crossings.counts()
     }
+
+    /// The visible region that was last solved.
+    pub fn region(&self) -> &Region {
+        self.exact.region()
+    }
 }
 
 impl Viewer<'_> {

@@ -1,0 +1,193 @@
+use std::time::Instant;
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use super::plan::{Candidate, Family, Law};
+use super::tiles::{TILE_RADIUS, tiles};
+use super::{Arrays, Control, Outcome, Prepared, Receivers, Request, Unmoved};
+use crate::{Error, Result};
+
+/// A few receivers on which methods are measured before one is chosen for all.
+pub(super) struct Pilot<'a> {
+    prepared: &'a Prepared<'a>,
+    request: &'a Request,
+    control: &'a dyn Control,
+    /// A few from many tiles: they show errors.
+    scattered: Receivers,
+    /// Whole tiles, whose receivers share a search: they show times.
+    tiles: Receivers,
+    /// Where there is nothing but the method to measure.
+    alone: ThreadPool,
+    /// The best values so far.
+    reference: Option<Arrays>,
+    built: Vec<(Family, f64)>,
+}
+
+/// One family measured at one count.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Level {
+    pub(super) count: f64,
+    /// Processor time per receiver.
+    pub(super) seconds: f64,
+    /// Time of building what depends on the count.
+    pub(super) build: f64,
+    pub(super) rmse: f64,
+    /// Root mean square of the errors that the method states.
+    pub(super) stated: f64,
+}
+
+/// Receivers that are measured for time, and as many for errors: this share of all, and not fewer nor more than these.
+const SHARE: usize = 64;
+const LEAST: usize = 16;
+const MOST: usize = 256;
+/// Receivers of one tile that are measured for errors: neighbours err alike.
+const PIECE: usize = 4;
+/// Receivers of a first look, which decides whether a family is worth measuring; the exact method makes do with fewer.
+const LOOK: usize = 64;
+const EXACT_LOOK: usize = 8;
+/// At fewer lines, or at its best, no family takes less than this share of the time of its first look.
+const LEAST_SHARE: f64 = 0.5;
+/// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
+const SHORT: f64 = 5e-3;
+const REPEATS: usize = 3;
+/// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
+const CAUTION: f64 = 1.4;
+/// Counts beyond this many times the finer level are looked at before they are believed.
+const TRUSTED: f64 = 4.0;
+
+impl<'a> Pilot<'a> {
+    pub(super) fn new(
+        prepared: &'a Prepared,
+        receivers: &Receivers,
+        request: &'a Request,
+        control: &'a dyn Control,
+    ) -> Result<Self> {
+        let alone = ThreadPoolBuilder::new().num_threads(1).build();
+        let bounds = prepared.geometry().bounds();
+        let diagonal = bounds.map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
+        let tiles = tiles(&receivers.positions, TILE_RADIUS * diagonal);
+        let wanted = (receivers.len() / SHARE).clamp(LEAST, MOST);
+        Ok(Self {
+            prepared,
+            request,
+            control,
+            scattered: receivers.pick(spread(&tiles, wanted, PIECE)),
+            tiles: receivers.pick(spread(&tiles, wanted, usize::MAX)),
+            alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
+            reference: None,
+            built: Vec::new(),
+        })
+    }
+
+    /// Seconds it took to build what `family` searches in.
+    pub(super) fn built(&self, family: Family) -> f64 {
+        self.built.iter().filter(|(built, _)| *built == family).map(|(_, seconds)| seconds).sum()
+    }
+
+    /// Receivers that are measured.
+    pub(super) fn receivers(&self) -> usize {
+        self.scattered.len() + self.tiles.len()
+    }
+
+    /// What `family` promises for `all` receivers at the error `aim`; nothing, if it cannot take less than `best` seconds.
+    pub(super) fn try_family(&mut self, family: Family, aim: f64, all: usize, best: f64) -> Result<Option<Candidate>> {
+        let started = Instant::now();
+        self.prepared.build(family, &self.tiles)?;
+        self.built.push((family, started.elapsed().as_secs_f64()));
+        let [coarse, fine] = family.levels();
+        let look = if family == Family::Exact { EXACT_LOOK } else { LOOK };
+        let look = self.tiles.pick(0..self.tiles.len().min(look));
+        let first = self.measure(family, coarse, &look)?.0;
+        if LEAST_SHARE * family.least(aim, f64::from(coarse)) * first.seconds * all as f64 > best {
+            return Ok(None);
+        }
+        if family == Family::Exact {
+            let seconds = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)))?.0.seconds;
+            return Ok(Some(Candidate::exact(Level { seconds, ..first }, all)));
+        }
+        let (mut coarse, coarse_values) = self.level(family, coarse)?;
+        let (mut fine, fine_values) = self.level(family, fine)?;
+        match family {
+            Family::Isolines => {
+                coarse.rmse = difference(&coarse_values, &fine_values);
+                self.reference = Some(fine_values);
+            }
+            _ => {
+                let caution = if family == Family::Embree { CAUTION } else { 1.0 };
+                coarse.rmse = match &self.reference {
+                    Some(reference) => difference(&coarse_values, reference),
+                    None => coarse.stated / caution,
+                };
+            }
+        }
+        let law = Law::new(family, [coarse, fine]);
+        let count = law.count(aim);
+        let candidate = law.candidate(aim, all);
+        if family == Family::Isolines && f64::from(count) > TRUSTED * fine.count && candidate.expected_seconds < best {
+            (fine, _) = self.level(family, count)?;
+            return Ok(Some(Law::new(family, [coarse, fine]).candidate(aim, all)));
+        }
+        Ok(Some(candidate))
+    }
+
+    /// Time of whole tiles, errors and values of scattered receivers.
+    fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
+        let (errors, arrays) = self.measure(family, count, &self.scattered)?;
+        let (time, _) = self.measure(family, count, &self.tiles)?;
+        Ok((Level { stated: errors.stated, ..time }, arrays))
+    }
+
+    /// Time, stated error and values of one method.
+    fn measure(&self, family: Family, count: u32, receivers: &Receivers) -> Result<(Level, Arrays)> {
+        let control = Unmoved(self.control);
+        let method = family.method(count);
+        let mut least = f64::INFINITY;
+        for repeat in 1.. {
+            let run = || self.prepared.integrate(receivers, self.request, method, None, &control);
+            let Outcome { arrays, done, statistics } = self.alone.install(run)?;
+            if done.iter().any(|done| !done) {
+                return Err(Error::Interrupted);
+            }
+            least = least.min(statistics.processor_seconds);
+            if repeat == REPEATS || least > SHORT {
+                let level = Level {
+                    count: count.into(),
+                    seconds: least / receivers.len().max(1) as f64,
+                    build: statistics.build_seconds,
+                    rmse: 0.0,
+                    stated: stated(&arrays),
+                };
+                return Ok((level, arrays));
+            }
+        }
+        unreachable!("the loop ends by its repeats")
+    }
+}
+
+/// About `wanted` receivers from tiles that are evenly spread, at most `each` of every tile.
+fn spread(tiles: &[Vec<u32>], wanted: usize, each: usize) -> Vec<usize> {
+    let size = |tile: &Vec<u32>| tile.len().min(each);
+    let all: usize = tiles.iter().map(size).sum();
+    let count = (wanted * tiles.len()).div_ceil(all.max(1)).min(tiles.len());
+    let chosen = (0..count).map(|i| &tiles[(2 * i + 1) * tiles.len() / (2 * count)]);
+    chosen.flat_map(|tile| &tile[..size(tile)]).map(|&receiver| receiver as usize).collect()
+}
+
+/// Root mean square of the difference in the worst array.
+pub(super) fn difference(a: &Arrays, b: &Arrays) -> f64 {
+    let estimated = a.iter().filter(|array| !array.name.ends_with("_error"));
+    let rms =
+        estimated.filter_map(|array| Some(rms(array.data.iter().zip(&b.get(&array.name)?.data).map(|(a, b)| a - b))));
+    rms.fold(0.0, f64::max)
+}
+
+/// Root mean square of the stated errors in the worst array.
+pub(super) fn stated(arrays: &Arrays) -> f64 {
+    let errors = arrays.iter().filter(|array| array.name.ends_with("_error"));
+    errors.map(|array| rms(array.data.iter().copied())).fold(0.0, f64::max)
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = values.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));
+    (sum / f64::max(count, 1.0)).sqrt()
+}
