@@ -1,9 +1,10 @@
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::plan::{Candidate, Family, Law};
-use super::tiles::{TILE_RADIUS, tiles};
+use super::tiles::TILE_RECEIVERS;
 use super::{Arrays, Control, Outcome, Prepared, Receivers, Request, Unmoved};
 use crate::{Error, Result};
 
@@ -12,15 +13,17 @@ pub(super) struct Pilot<'a> {
     prepared: &'a Prepared<'a>,
     request: &'a Request,
     control: &'a dyn Control,
-    /// A few from many tiles: they show errors.
+    /// From all over: they show errors.
     scattered: Receivers,
-    /// Whole tiles, whose receivers share a search: they show times.
+    /// Neighbours, who share a search as in a bake: they show times.
     tiles: Receivers,
     /// Where there is nothing but the method to measure.
     alone: ThreadPool,
     /// The best values so far.
     reference: Option<Arrays>,
     built: Vec<(Family, f64)>,
+    /// What is known of isolines.
+    lines: Option<Law>,
 }
 
 /// One family measured at one count.
@@ -40,15 +43,13 @@ pub(super) struct Level {
 const SHARE: usize = 64;
 const LEAST: usize = 16;
 const MOST: usize = 256;
-/// Receivers of one tile that are measured for errors: neighbours err alike.
-const PIECE: usize = 4;
 /// Receivers of a first look, which decides whether a family is worth measuring; the exact method makes do with fewer.
 const LOOK: usize = 64;
 const EXACT_LOOK: usize = 8;
 /// At fewer lines, or at its best, no family takes less than this share of the time of its first look.
 const LEAST_SHARE: f64 = 0.5;
 /// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
-const SHORT: f64 = 5e-3;
+const SHORT: f64 = 1e-3;
 const REPEATS: usize = 3;
 /// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
 const CAUTION: f64 = 1.4;
@@ -63,19 +64,17 @@ impl<'a> Pilot<'a> {
         control: &'a dyn Control,
     ) -> Result<Self> {
         let alone = ThreadPoolBuilder::new().num_threads(1).build();
-        let bounds = prepared.geometry().bounds();
-        let diagonal = bounds.map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
-        let tiles = tiles(&receivers.positions, TILE_RADIUS * diagonal);
         let wanted = (receivers.len() / SHARE).clamp(LEAST, MOST);
         Ok(Self {
             prepared,
             request,
             control,
-            scattered: receivers.pick(spread(&tiles, wanted, PIECE)),
-            tiles: receivers.pick(spread(&tiles, wanted, usize::MAX)),
+            scattered: receivers.pick(spread(receivers.len(), wanted)),
+            tiles: receivers.pick(neighbourhoods(&receivers.positions, wanted)),
             alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
             reference: None,
             built: Vec::new(),
+            lines: None,
         })
     }
 
@@ -97,16 +96,16 @@ impl<'a> Pilot<'a> {
         let [coarse, fine] = family.levels();
         let look = if family == Family::Exact { EXACT_LOOK } else { LOOK };
         let look = self.tiles.pick(0..self.tiles.len().min(look));
-        let first = self.measure(family, coarse, &look)?.0;
+        let first = self.measure(family, coarse, &look, REPEATS)?.0;
         if LEAST_SHARE * family.least(aim, f64::from(coarse)) * first.seconds * all as f64 > best {
             return Ok(None);
         }
         if family == Family::Exact {
-            let seconds = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)))?.0.seconds;
+            let seconds = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), 1)?.0.seconds;
             return Ok(Some(Candidate::exact(Level { seconds, ..first }, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;
-        let (mut fine, fine_values) = self.level(family, fine)?;
+        let (fine, fine_values) = self.level(family, fine)?;
         match family {
             Family::Isolines => {
                 coarse.rmse = difference(&coarse_values, &fine_values);
@@ -121,24 +120,32 @@ impl<'a> Pilot<'a> {
             }
         }
         let law = Law::new(family, [coarse, fine]);
-        let count = law.count(aim);
-        let candidate = law.candidate(aim, all);
-        if family == Family::Isolines && f64::from(count) > TRUSTED * fine.count && candidate.expected_seconds < best {
-            (fine, _) = self.level(family, count)?;
-            return Ok(Some(Law::new(family, [coarse, fine]).candidate(aim, all)));
+        if family == Family::Isolines {
+            self.lines = Some(law);
         }
-        Ok(Some(candidate))
+        Ok(Some(law.candidate(aim, all)))
     }
 
-    /// Time of whole tiles, errors and values of scattered receivers.
+    /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured.
+    pub(super) fn look_again(&self, promised: &Candidate, aim: f64, all: usize) -> Result<Option<Candidate>> {
+        let Some(law) = self.lines.filter(|_| promised.family == Family::Isolines) else { return Ok(None) };
+        let [coarse, fine] = law.levels;
+        if f64::from(promised.count) <= TRUSTED * fine.count {
+            return Ok(None);
+        }
+        let (finer, _) = self.level(Family::Isolines, promised.count)?;
+        Ok(Some(Law::new(Family::Isolines, [coarse, finer]).candidate(aim, all)))
+    }
+
+    /// Time of neighbours, errors and values of scattered receivers.
     fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
-        let (errors, arrays) = self.measure(family, count, &self.scattered)?;
-        let (time, _) = self.measure(family, count, &self.tiles)?;
+        let (errors, arrays) = self.measure(family, count, &self.scattered, 1)?;
+        let (time, _) = self.measure(family, count, &self.tiles, REPEATS)?;
         Ok((Level { stated: errors.stated, ..time }, arrays))
     }
 
-    /// Time, stated error and values of one method.
-    fn measure(&self, family: Family, count: u32, receivers: &Receivers) -> Result<(Level, Arrays)> {
+    /// Time, the least of at most `repeats`, stated error and values of one method.
+    fn measure(&self, family: Family, count: u32, receivers: &Receivers, repeats: usize) -> Result<(Level, Arrays)> {
         let control = Unmoved(self.control);
         let method = family.method(count);
         let mut least = f64::INFINITY;
@@ -149,7 +156,7 @@ impl<'a> Pilot<'a> {
                 return Err(Error::Interrupted);
             }
             least = least.min(statistics.processor_seconds);
-            if repeat == REPEATS || least > SHORT {
+            if repeat == repeats || least > SHORT {
                 let level = Level {
                     count: count.into(),
                     seconds: least / receivers.len().max(1) as f64,
@@ -164,13 +171,26 @@ impl<'a> Pilot<'a> {
     }
 }
 
-/// About `wanted` receivers from tiles that are evenly spread, at most `each` of every tile.
-fn spread(tiles: &[Vec<u32>], wanted: usize, each: usize) -> Vec<usize> {
-    let size = |tile: &Vec<u32>| tile.len().min(each);
-    let all: usize = tiles.iter().map(size).sum();
-    let count = (wanted * tiles.len()).div_ceil(all.max(1)).min(tiles.len());
-    let chosen = (0..count).map(|i| &tiles[(2 * i + 1) * tiles.len() / (2 * count)]);
-    chosen.flat_map(|tile| &tile[..size(tile)]).map(|&receiver| receiver as usize).collect()
+/// `wanted` of `all` numbers, evenly spread.
+fn spread(all: usize, wanted: usize) -> impl Iterator<Item = usize> {
+    let wanted = wanted.min(all);
+    (0..wanted).map(move |i| (2 * i + 1) * all / (2 * wanted))
+}
+
+/// About `wanted` receivers in groups as large as tiles, each of those nearest to one of them.
+fn neighbourhoods(positions: &[DVec3], wanted: usize) -> Vec<usize> {
+    let size = wanted.min(TILE_RECEIVERS).min(positions.len());
+    let mut picked = Vec::with_capacity(wanted);
+    for centre in spread(positions.len(), wanted.div_ceil(TILE_RECEIVERS)) {
+        let centre = positions[centre];
+        let mut near: Vec<(f64, usize)> =
+            positions.iter().enumerate().map(|(i, p)| (p.distance_squared(centre), i)).collect();
+        if size < near.len() {
+            near.select_nth_unstable_by(size, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        }
+        picked.extend(near[..size].iter().map(|&(_, index)| index));
+    }
+    picked
 }
 
 /// Root mean square of the difference in the worst array.

@@ -151,7 +151,7 @@ impl Family {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
     family: Family,
-    levels: [Level; 2],
+    pub(super) levels: [Level; 2],
     exponent: f64,
 }
 
@@ -200,6 +200,15 @@ impl Law {
     }
 }
 
+/// Those that reach `error` first, the fastest first; then the others, the best first.
+fn rank(candidates: &mut [Candidate], error: f64) {
+    candidates.sort_by(|a, b| match [a, b].map(|candidate| candidate.expected_error > error) {
+        [false, false] => a.expected_seconds.total_cmp(&b.expected_seconds),
+        [true, true] => a.expected_error.total_cmp(&b.expected_error),
+        [a, b] => a.cmp(&b),
+    });
+}
+
 impl Candidate {
     /// The exact method, as measured for `all` receivers.
     pub(super) fn exact(level: Level, all: usize) -> Self {
@@ -226,8 +235,8 @@ const LEAST_BUILD: f64 = 0.3e-6;
 const COARSE: f64 = 3e-3;
 
 impl Prepared<'_> {
-    /// Finds the method that reaches `goal` for `receivers` in the least time, from measurements of a few whole tiles of
-    /// them, spread evenly. What is built meanwhile is kept for the run.
+    /// Finds the method that reaches `goal` for `receivers` in the least time, from measurements of a few
+    /// of them. What is built meanwhile is kept for the run.
     ///
     /// Error along isolines is the difference between two numbers of lines, extrapolated by the exponent that their own
     /// estimates show; of rays, their difference from those lines.
@@ -270,15 +279,11 @@ impl Prepared<'_> {
                 attempt(Family::Exact, least_build)?;
             }
         }
-        candidates.sort_by(|a, b| {
-            let misses = |candidate: &Candidate| candidate.expected_error > goal.error;
-            let by_error = || a.expected_error.total_cmp(&b.expected_error);
-            match (misses(a), misses(b)) {
-                (false, false) => a.expected_seconds.total_cmp(&b.expected_seconds),
-                (true, true) => by_error(),
-                (a, b) => a.cmp(&b),
-            }
-        });
+        rank(&mut candidates, goal.error);
+        if let Some(better_known) = pilot.look_again(&candidates[0], aim, all)? {
+            candidates[0] = better_known;
+            rank(&mut candidates, goal.error);
+        }
         let best = &candidates[0];
         Ok(Plan {
             method: best.family.method(best.count),
