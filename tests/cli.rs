@@ -70,7 +70,7 @@ fn wrong_usage_is_told_apart_from_errors() {
         ("bake", "--output"),
         ("integrate -o a.npz", "MESH"),
         ("integrate a.obj -o a.npz --isolines 0", "--isolines"),
-        ("integrate a.obj -o a.npz --order 9", "1..=8"),
+        ("integrate a.obj -o a.npz --order 11", "1..=10"),
         ("integrate a.obj -o a.npz --order four", "--order"),
         ("integrate a.obj -o a.npz --method magic", "isolines, exact, qmc"),
         ("integrate a.obj -o a.npz --threads 0", "--threads"),

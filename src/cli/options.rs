@@ -18,7 +18,7 @@ use super::say;
 #[command(next_help_heading = "Spherical harmonics")]
 pub struct HarmonicsOptions {
     /// Number of bands; order n gives n^2 coefficients
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = RangedU64ValueParser::<usize>::new().range(1..=8))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = RangedU64ValueParser::<usize>::new().range(1..=10))]
     pub order: usize,
     /// Sign of the coefficients with odd |m|
     #[arg(long, value_enum, default_value_t = PhaseName::Plain)]
@@ -105,7 +105,7 @@ impl LightOptions {
 }
 
 /// Parses a number that is neither infinite nor NaN.
-fn finite(text: &str) -> std::result::Result<f64, String> {
+pub fn finite(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
         _ => Err("not a finite number".into()),

@@ -69,12 +69,17 @@ pub struct RunOptions {
     pub quiet: bool,
 }
 
+/// So many threads to work on, or as many as there are processors.
+pub fn threads(wanted: Option<usize>) -> Result<ThreadPool> {
+    let threads = wanted.or_else(|| thread::available_parallelism().ok().map(NonZero::get)).unwrap_or(1);
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|error| Error::input(format!("{threads} threads cannot be started ({error}); ask for fewer")))
+}
+
 impl RunOptions {
     /// The threads to work on.
     pub fn pool(&self) -> Result<ThreadPool> {
-        let threads = self.threads.or_else(|| thread::available_parallelism().ok().map(NonZero::get)).unwrap_or(1);
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.map_err(|error| Error::input(format!("{threads} threads cannot be started ({error}); ask for fewer")))
+        threads(self.threads)
     }
 
     /// Integrates, for the file `out`: on from what an interrupted run kept if that is wanted, and by the method that it had chosen.

@@ -9,6 +9,7 @@ use super::shapes::Shape;
 use super::{
     Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, Sky, UpAxis, load_meshes, load_points,
 };
+use crate::proxy::Walker;
 use crate::{Error, Result};
 
 /// Where a scene wants light to be gathered.
@@ -71,7 +72,14 @@ pub(super) fn read(text: &str, path: &Path) -> Result<Scene> {
             }
         }
     };
-    Ok(Scene { geometry: builder.build(), environment: environment.transpose()?, camera, receivers })
+    let characters = file.character.into_iter().map(|entry| {
+        let offset = entry.span().start;
+        let CharacterEntry { walker } = entry.into_inner();
+        walker.check().map_err(|e| refuse(offset, &e))?;
+        Ok(walker)
+    });
+    let characters = characters.collect::<Result<Vec<_>>>()?;
+    Ok(Scene { geometry: builder.build(), environment: environment.transpose()?, camera, receivers, characters })
 }
 
 /// Errors that name a file stay; others get their place in the scene file.
@@ -90,6 +98,8 @@ struct File {
     environment: Option<Spanned<EnvironmentEntry>>,
     camera: Option<Spanned<CameraEntry>>,
     receivers: Option<Spanned<Receivers>>,
+    #[serde(default)]
+    character: Vec<Spanned<CharacterEntry>>,
 }
 
 #[derive(Deserialize)]
@@ -195,6 +205,12 @@ impl EnvironmentEntry {
         };
         environment.oriented(self.up, self.rotation)
     }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CharacterEntry {
+    walker: Walker,
 }
 
 #[derive(Deserialize)]

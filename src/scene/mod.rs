@@ -8,7 +8,8 @@ mod face_groups;
 mod face_tree;
 mod file;
 mod geometry;
-mod gltf;
+pub(crate) mod gltf;
+pub(crate) mod gltf_read;
 mod incidence;
 mod load;
 mod mesh;
@@ -39,6 +40,7 @@ pub use points::{NORMAL_TOLERANCE, Point, load_points};
 pub use sky::Sky;
 pub use topology::{Direction, EdgeFace, EdgeId, EdgeKind, Topology, TriangleId, VertexId};
 
+use crate::proxy::Walker;
 use crate::{Error, Result};
 
 /// Everything a scene file describes.
@@ -52,6 +54,8 @@ pub struct Scene {
     pub camera: Option<Camera>,
     /// Where light is to be gathered.
     pub receivers: ReceiverSource,
+    /// Bodies that move, for the renderer of sphere proxies alone; the geometry stands still.
+    pub characters: Vec<Walker>,
 }
 
 impl Scene {
@@ -84,10 +88,14 @@ impl Scene {
     /// up = [0, 1, 0]
     /// fov = 45                           # vertical
     /// resolution = [640, 480]
+    ///
+    /// [[character]]                      # bodies that move, for `animate` and `judge`; any number of them
+    /// walker = { center = [0, 0, 0], circle = 2.0, spheres = 50, albedo = [0.7, 0.4, 0.3] }
     /// ```
     ///
     /// The shapes and their parameters are those of [`shapes`]: `plane`, `box`, `icosphere`, `torus_knot`, `knots`,
-    /// `teapot`, `foliage`, `room`, `building`; the sky's those of [`Sky`].
+    /// `teapot`, `foliage`, `room`, `building`; the sky's those of [`Sky`],
+    /// the walker's those of [`Walker`].
     ///
     /// # Errors
     /// A file that is missing or malformed, an unknown key or a value out of its domain: the line is named. As
@@ -111,7 +119,13 @@ impl Scene {
                 builder.add(mesh, DAffine3::IDENTITY).map_err(|e| Error::file(&path, e))?;
             }
         }
-        Ok(Self { geometry: builder.build(), environment: None, camera: None, receivers: ReceiverSource::Vertices })
+        Ok(Self {
+            geometry: builder.build(),
+            environment: None,
+            camera: None,
+            receivers: ReceiverSource::Vertices,
+            characters: Vec::new(),
+        })
     }
 
     /// A built-in scene by its name, one of [`Scene::builtin_names`].

@@ -33,8 +33,9 @@ pub(super) fn invariances(many: usize) -> Result<Vec<Case>> {
         let scaled = moved(&clutter, |p| (p.as_dvec3() * scale).as_vec3());
         cases.push(case(name, &scaled, placed(&receivers, |p| p * scale, DMat3::IDENTITY), same())?);
     }
-    // What is left of single precision there are quarters, which the boxes keep to.
-    let crowd = boxes(&mut random, 8);
+    // What is left of single precision there are quarters: boxes, which are on eighths, are brought to them first, or what
+    // is there would be another scene.
+    let crowd = moved(&boxes(&mut random, 8), |p| (p * 4.0).round() / 4.0);
     let away = 2f64.powi(22) * DVec3::new(-1.0, 0.5, 1.0) + DVec3::new(64.0, 0.0, -64.0);
     let moved_away = moved(&crowd, |p| p + away.as_vec3());
     let there = placed(&receivers, |p| p + away, DMat3::IDENTITY);
@@ -117,4 +118,22 @@ fn sums(
     let truth = Truth::Sum(vec![Term::of(geometry, &up), Term::of(geometry, &down)]);
     cases.push(case("two hemispheres make the sphere", clutter, probes, truth)?);
     Ok(cases)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Else the case would compare two scenes.
+    #[test]
+    fn the_move_by_1e6_sizes_is_exact() {
+        let cases = invariances(5).unwrap();
+        let case = cases.iter().find(|case| case.name == "moved by 1e6 sizes").unwrap();
+        let Truth::Sum(terms) = &case.truth else { panic!("the case has a twin") };
+        let twin = &terms[0];
+        let [there, here] = [&case.geometry, &twin.geometry].map(|g| g.positions.iter().map(|p| p.as_dvec3()));
+        let away = case.receivers.positions[0] - twin.receivers.positions[0];
+        assert!(away.length() > 1e6 && case.geometry.positions.len() > 50);
+        assert!(there.zip(here).all(|(there, here)| there - here == away));
+    }
 }

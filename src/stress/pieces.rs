@@ -66,7 +66,7 @@ pub(super) fn moved(triangles: &[Triangle], place: impl Fn(Vec3) -> Vec3) -> Vec
     triangles.iter().map(|t| t.map(&place)).collect()
 }
 
-/// Boxes, mostly overlapping, on quarters within [-2, 3.25]^3: edges in common planes and lines, on the octants' boundaries
+/// Boxes, mostly overlapping, from quarters to eighths within [-2, 3.25]^3: edges in common planes and lines, on the octants' boundaries
 /// and through each other.
 pub(super) fn boxes(random: &mut Random, count: usize) -> Vec<Triangle> {
     let mut coordinate = || 4 * random.between(-8.0, 8.0).floor() as i32;

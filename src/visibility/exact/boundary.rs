@@ -2,10 +2,54 @@
 
 use glam::DVec3;
 
-use super::chart::at_azimuth;
+use super::chart::{Chart, at_azimuth};
 use super::edges::{Edge, on_line};
+use super::region::{Region, Residuals};
 use super::sweep::Sweep;
 use crate::sphere::BoundaryArc;
+
+impl Region {
+    pub(super) fn clear(&mut self) {
+        self.boundary.clear();
+        self.sources.clear();
+        self.solid_angle = 0.0;
+        self.residuals = Residuals::default();
+    }
+
+    /// Adds the part of an edge between two points, with the region on its side `side` (+1 above, -1 below, 0 neither).
+    pub(super) fn push(&mut self, chart: &Chart, edge: &Edge, from: DVec3, to: DVec3, side: i8) {
+        if let Some(arc) = self.arc(edge.normal, from, to, side) {
+            self.sources.push(edge.source);
+            self.solid_angle += arc.solid_angle_from(DVec3::Z);
+            self.boundary.push(BoundaryArc {
+                start: chart.world(arc.start),
+                end: chart.world(arc.end),
+                normal: chart.world(arc.normal),
+            });
+        }
+    }
+
+    /// The arc of a line between two points, its region on the left; none if there is no region or no line.
+    fn arc(&mut self, normal: DVec3, from: DVec3, to: DVec3, side: i8) -> Option<BoundaryArc> {
+        if side == 0 || normal == DVec3::ZERO {
+            return None;
+        }
+        let normal = normal.normalize();
+        let (off_start, off_end) = (normal.dot(from), normal.dot(to));
+        self.residuals.gap = self.residuals.gap.max(off_start.abs()).max(off_end.abs());
+        let (start, end) = (from - off_start * normal, to - off_end * normal);
+        Some(if side > 0 {
+            BoundaryArc { start, end, normal }
+        } else {
+            BoundaryArc { start: end, end: start, normal: -normal }
+        })
+    }
+
+    /// Closes the books: loops add up to nothing.
+    pub(super) fn finish(&mut self) {
+        self.residuals.closure = self.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
+    }
+}
 
 impl Sweep<'_> {
     /// A unit vector on both edges, or within rounding of them.
@@ -57,39 +101,14 @@ impl Sweep<'_> {
     }
 
     pub(super) fn close_visible(&mut self, id: u32, to: DVec3) {
-        let &Edge { normal, visible, source, .. } = self.edge(id);
-        if let Some(arc) = self.arc(normal, self.queue.from[id as usize][0], to, visible) {
-            self.sources.push(source);
-            self.solid_angle += arc.solid_angle_from(DVec3::Z);
-            let chart = self.chart;
-            self.boundary.push(BoundaryArc {
-                start: chart.world(arc.start),
-                end: chart.world(arc.end),
-                normal: chart.world(arc.normal),
-            });
-        }
+        let edge = &self.edges[id as usize];
+        self.region.push(self.chart, edge, self.queue.from[id as usize][0], to, edge.visible);
     }
 
     pub(super) fn close_negative(&mut self, id: u32, to: DVec3) {
-        let edge = self.edge(id);
-        if let Some(arc) = self.arc(edge.normal, self.queue.from[id as usize][1], to, edge.negative) {
-            self.residuals.negative += arc.solid_angle_from(DVec3::Z);
+        let edge = &self.edges[id as usize];
+        if let Some(arc) = self.region.arc(edge.normal, self.queue.from[id as usize][1], to, edge.negative) {
+            self.region.residuals.negative += arc.solid_angle_from(DVec3::Z);
         }
-    }
-
-    /// The arc of a line between two points, its region on the left; none if there is no region or no line.
-    pub(super) fn arc(&mut self, normal: DVec3, from: DVec3, to: DVec3, side: i8) -> Option<BoundaryArc> {
-        if side == 0 || normal == DVec3::ZERO {
-            return None;
-        }
-        let normal = normal.normalize();
-        let (off_start, off_end) = (normal.dot(from), normal.dot(to));
-        self.residuals.gap = self.residuals.gap.max(off_start.abs()).max(off_end.abs());
-        let (start, end) = (from - off_start * normal, to - off_end * normal);
-        Some(if side > 0 {
-            BoundaryArc { start, end, normal }
-        } else {
-            BoundaryArc { start: end, end: start, normal: -normal }
-        })
     }
 }

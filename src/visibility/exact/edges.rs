@@ -1,8 +1,11 @@
 //! Contours in the chart: the vertices in order of azimuth, the edges between them as directed lines.
 
+use std::cmp::Ordering;
+
 use glam::DVec3;
 
 use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
+use super::ranks::Ranks;
 use crate::visibility::{Arc, ReceiverContours};
 
 /// No edge, no vertex.
@@ -36,10 +39,11 @@ pub(super) struct Vertex {
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Edge {
-    /// first x second in chart coordinates, not normalised: positive above the edge. Zero for edges too short to have a
-    /// direction: they are points, on neither side of which anything lies.
+    /// first x second in chart coordinates, about as long as the edge: positive above the edge. Zero for edges too short to
+    /// have a direction: they are points, on neither side of which anything lies.
     pub normal: DVec3,
-    /// Second vertex, or SEAM.
+    /// First and second vertex, or SEAM.
+    pub start: u32,
     pub end: u32,
     /// Neighbours in the status, downwards and upwards.
     pub next: u32,
@@ -63,6 +67,7 @@ impl Edge {
     fn new(normal: DVec3, jump: i32, source: u32) -> Self {
         Self {
             normal,
+            start: SEAM,
             end: SEAM,
             next: NIL,
             prev: NIL,
@@ -110,19 +115,22 @@ pub(super) struct Edges {
     pub horizon: u32,
     /// Directions that are zero or not finite.
     pub bad: u32,
-    /// In the order of the contours: vertices, and their places by azimuth.
+    /// The vertices by first use.
     unsorted: Vec<Vertex>,
-    ranks: Vec<u32>,
-    keys: Vec<(u64, u32)>,
+    /// From the contours' directions to `unsorted`; later from there to `vertices`.
+    places: Vec<u32>,
+    ranks: Ranks,
     spans: Vec<Span>,
 }
 
-/// An arc of the contours that is not left out, by the ranks of its vertices in the order of the sweep.
+/// An arc of the contours that is not left out, by the places of its vertices.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     arc: u32,
     first: u32,
     second: u32,
+    /// Whether `first` is where the arc begins.
+    is_forward: bool,
     wraps: bool,
 }
 
@@ -132,21 +140,21 @@ impl Edges {
     pub fn fill(
         &mut self,
         contours: &ReceiverContours,
-        normal: Option<DVec3>,
+        horizon: Option<DVec3>,
         chart: &Chart,
         lenient: bool,
     ) -> Result<(), MeetsPole> {
-        self.sort_vertices(contours, normal.is_some(), chart);
-        self.find_spans(contours);
+        self.collect(contours, horizon.is_some(), chart);
+        self.sort();
 
-        let mut seam = if normal.is_some() { HORIZON_EDGE + 1 } else { TOP + 1 };
+        let mut seam = if horizon.is_some() { HORIZON_EDGE + 1 } else { TOP + 1 };
         let mut start = seam + self.spans.iter().filter(|span| span.wraps).count() as u32;
         // Every place is written below: what is there already need not be cleared.
         self.edges.resize(start as usize + self.spans.len(), Edge::new(DVec3::ZERO, 0, NIL));
         self.edges[TOP as usize] = Edge::new(DVec3::ZERO, 0, NIL);
         self.at_seam.clear();
         self.horizon = NIL;
-        if let Some(n) = normal {
+        if let Some(n) = horizon {
             self.horizon = HORIZON_EDGE;
             self.at_seam.push(HORIZON_EDGE);
             self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP, NIL);
@@ -157,23 +165,21 @@ impl Edges {
         }
 
         for i in 0..self.spans.len() {
-            let Span { arc: source, first, second, wraps } = self.spans[i];
-            let arc = contours.arcs[source as usize];
-            let (a, b) = (contours.directions[arc.a as usize], contours.directions[arc.b as usize]);
-            let cross = chart.local(cross(a, b));
-            let is_forward = self.ranks[arc.a as usize] == first;
-            let (normal, jump) = if is_forward { (cross, arc.jump) } else { (-cross, -arc.jump) };
+            let Span { arc: source, first, second, is_forward, wraps } = self.spans[i];
+            let arc = &contours.arcs[source as usize];
+            let forward = chart.local(normal(contours, arc));
+            let (normal, jump) = if is_forward { (forward, arc.jump) } else { (-forward, -arc.jump) };
             if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {
                 return Err(MeetsPole);
             }
-            let edge = Edge::new(normal, jump, source);
+            let edge = Edge { start: first, ..Edge::new(normal, jump, source) };
             // Until all edges have their place, `starts` is where the next one goes.
             let next_place = &mut self.vertices[first as usize].starts;
             let place = *next_place;
             *next_place += 1;
             if wraps {
                 self.edges[place as usize] = edge;
-                self.end_at(seam, edge, second);
+                self.end_at(seam, Edge { start: SEAM, ..edge }, second);
                 self.at_seam.push(seam);
                 seam += 1;
             } else {
@@ -194,61 +200,92 @@ impl Edges {
         vertices[rank].starts..vertices.get(rank + 1).map_or(edges.len() as u32, |next| next.starts)
     }
 
+    /// First and last point of an edge.
+    pub fn ends(&self, edge: &Edge) -> (DVec3, DVec3) {
+        let point = |rank: u32| self.vertices.get(rank as usize).map_or_else(|| on_seam(edge.normal), |v| v.position);
+        (point(edge.start), point(edge.end))
+    }
+
+    /// Positive if two edges that start at one vertex come downwards in this order, and as sure as it is far from zero.
+    pub fn order(&self, upper: u32, lower: u32) -> f64 {
+        let (u, l) = (&self.edges[upper as usize], &self.edges[lower as usize]);
+        match l.end.cmp(&u.end) {
+            Ordering::Equal if l.end == SEAM => on_seam(u.normal).z - on_seam(l.normal).z,
+            // They enclose nothing.
+            Ordering::Equal => f64::INFINITY,
+            Ordering::Less => -u.normal.dot(self.ends(l).1),
+            Ordering::Greater => l.normal.dot(self.ends(u).1),
+        }
+    }
+
     fn end_at(&mut self, id: u32, edge: Edge, second: u32) {
         let vertex = &mut self.vertices[second as usize];
         let next_end = std::mem::replace(&mut vertex.ends, id);
         self.edges[id as usize] = Edge { end: second, next_end, ..edge };
     }
 
-    fn sort_vertices(&mut self, contours: &ReceiverContours, has_horizon: bool, chart: &Chart) {
-        self.unsorted.clear();
-        self.unsorted.extend(contours.directions.iter().zip(&contours.heights).map(|(&direction, &height)| {
-            // The scale keeps squares in range for all of f32's exponents and beyond.
-            let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
-            let azimuth = azimuth(position.x, position.y);
-            Vertex { position, azimuth, height: if has_horizon { height } else { 1.0 }, ends: NIL, starts: 0 }
-        }));
-        self.keys.clear();
-        // The bits of a positive double sort as the double does.
-        self.keys.extend(self.unsorted.iter().enumerate().map(|(v, vertex)| (vertex.azimuth.to_bits(), v as u32)));
-        self.keys.sort_unstable();
-        self.ranks.clear();
-        self.ranks.resize(self.unsorted.len(), NIL);
-        self.vertices.clear();
-        for (rank, &(_, v)) in self.keys.iter().enumerate() {
-            self.ranks[v as usize] = rank as u32;
-            self.vertices.push(self.unsorted[v as usize]);
-        }
-    }
-
-    /// Lists the arcs to keep and counts those that start at each vertex.
-    fn find_spans(&mut self, contours: &ReceiverContours) {
+    /// Lists the arcs to keep and their vertices, in the order of the contours.
+    fn collect(&mut self, contours: &ReceiverContours, has_horizon: bool, chart: &Chart) {
         self.bad = 0;
         self.spans.clear();
+        self.unsorted.clear();
+        self.places.clear();
+        self.places.resize(contours.directions.len(), NIL);
+        let height = |v: u32| if has_horizon { contours.heights[v as usize] } else { 1.0 };
         for (arc, &Arc { a, b, .. }) in contours.arcs.iter().enumerate() {
-            let (va, vb) = (&self.unsorted[a as usize], &self.unsorted[b as usize]);
-            if va.height <= 0.0 && vb.height <= 0.0 {
+            if height(a) <= 0.0 && height(b) <= 0.0 {
                 continue;
             }
-            if va.position == DVec3::ZERO || vb.position == DVec3::ZERO {
+            let first = self.enter(contours.directions[a as usize], height(a), a, chart);
+            let second = self.enter(contours.directions[b as usize], height(b), b, chart);
+            let is_bad = |v: u32| self.unsorted[v as usize].position == DVec3::ZERO;
+            if is_bad(first) || is_bad(second) {
                 self.bad += 1;
                 continue;
             }
-            let (a, b) = (self.ranks[a as usize], self.ranks[b as usize]);
-            let wraps = (va.azimuth - vb.azimuth).abs() > 0.5 * TURN_END;
-            let (first, second) = if (a < b) != wraps { (a, b) } else { (b, a) };
-            self.spans.push(Span { arc: arc as u32, first, second, wraps });
-            self.vertices[first as usize].starts += 1;
+            self.spans.push(Span { arc: arc as u32, first, second, is_forward: true, wraps: false });
+        }
+    }
+
+    /// The place of a vertex among the unsorted, which it gets at its first use.
+    #[inline(always)]
+    fn enter(&mut self, direction: DVec3, height: f64, vertex: u32, chart: &Chart) -> u32 {
+        let place = &mut self.places[vertex as usize];
+        if *place == NIL {
+            *place = self.unsorted.len() as u32;
+            // The scale keeps squares in range for all of f32's exponents and beyond.
+            let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
+            let azimuth = azimuth(position.x, position.y);
+            self.unsorted.push(Vertex { position, azimuth, height, ends: NIL, starts: 0 });
+        }
+        *place
+    }
+
+    /// Puts the vertices in the order of the sweep, and the spans' ends with them.
+    fn sort(&mut self) {
+        self.vertices.clear();
+        let keys = self.ranks.sort(self.unsorted.iter().map(|vertex| vertex.azimuth));
+        for (rank, &(_, v)) in keys.iter().enumerate() {
+            self.places[v as usize] = rank as u32;
+            self.vertices.push(self.unsorted[v as usize]);
+        }
+        for span in &mut self.spans {
+            let (a, b) = (self.places[span.first as usize], self.places[span.second as usize]);
+            let [va, vb] = [a, b].map(|rank| &self.vertices[rank as usize]);
+            span.wraps = (va.azimuth - vb.azimuth).abs() > 0.5 * TURN_END;
+            span.is_forward = (a < b) != span.wraps;
+            (span.first, span.second) = if span.is_forward { (a, b) } else { (b, a) };
+            self.vertices[span.first as usize].starts += 1;
         }
     }
 }
 
-/// a x b but for a positive factor that keeps it in range, zero if a and b are one point.
-fn cross(a: DVec3, b: DVec3) -> DVec3 {
-    let (scale_a, scale_b) = (a.abs().max_element().recip(), b.abs().max_element().recip());
-    let (unit_a, unit_b) = (scale_a * a, scale_b * b);
-    // The difference is taken before anything is rounded: short arcs keep their direction.
-    let cross = unit_a.cross(scale_b * (b - a));
-    let is_point = cross.length_squared() < SHORTEST * SHORTEST * unit_a.length_squared() * unit_b.length_squared();
-    if is_point { DVec3::ZERO } else { cross }
+/// The normal a x b of unit vectors that an arc runs between, about its length long and known to a few 1e-16; zero if they
+/// are one point.
+fn normal(contours: &ReceiverContours, arc: &Arc) -> DVec3 {
+    let (a, b) = (contours.directions[arc.a as usize], contours.directions[arc.b as usize]);
+    let [aa, bb, dd] = [a, b, b - a].map(|v| v.length_squared());
+    // The plane is a x (b - a), rounded to its factors' size.
+    let size = (aa * bb.max(dd)).sqrt();
+    if arc.plane.length_squared() < SHORTEST * SHORTEST * aa * bb { DVec3::ZERO } else { arc.plane / size }
 }

@@ -11,7 +11,11 @@ mod crossings;
 mod edges;
 mod gradient;
 mod landmarks;
+mod masks;
+mod pieces;
+mod ranks;
 mod region;
+mod slots;
 mod sweep;
 #[cfg(test)]
 mod tests;
@@ -24,12 +28,14 @@ pub use region::{Region, Residuals};
 use super::ReceiverContours;
 use chart::Chart;
 use edges::Edges;
+use masks::Doubt;
 use sweep::Queue;
 
 /// Buffers of [`solve`], to be kept from one receiver to the next.
 #[derive(Debug, Default)]
 pub struct Scratch {
     edges: Edges,
+    masks: masks::Buffers,
     queue: Queue,
     region: Region,
 }
@@ -58,7 +64,7 @@ pub fn solve<'a>(
     depth: impl Fn(DVec3) -> i32,
     scratch: &'a mut Scratch,
 ) -> &'a Region {
-    let Scratch { edges, queue, region } = scratch;
+    let Scratch { edges, masks, queue, region } = scratch;
     // A full sphere has no preferred direction: any pole will do.
     let axis = normal.unwrap_or(DVec3::Z);
     for attempt in 0.. {
@@ -66,7 +72,9 @@ pub fn solve<'a>(
         let is_last = attempt + 1 == ATTEMPTS;
         let filled = edges.fill(contours, normal, &chart, is_last);
         if filled.is_ok() {
-            let (check, expected) = sweep::sweep(edges, queue, &chart, depth(chart.pole()), region);
+            let depth_at_pole = depth(chart.pole());
+            let (check, expected) = masks::sweep(edges, masks, &chart, depth_at_pole, region)
+                .unwrap_or_else(|Doubt| sweep::sweep(edges, queue, &chart, depth_at_pole, region));
             region.residuals.depth_mismatch = depth(check) - expected;
             region.residuals.retries = attempt;
             region.residuals.pole_met = is_last;

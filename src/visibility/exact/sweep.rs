@@ -15,8 +15,7 @@ use super::chart::{Chart, TURN_END, azimuth};
 use super::crossings::{Crossing, Crossings};
 use super::edges::{Edge, Edges, NIL, SEAM, TOP, Vertex, on_line, on_seam};
 use super::landmarks::Landmarks;
-use super::region::{Region, Residuals};
-use crate::sphere::BoundaryArc;
+use super::region::Region;
 
 /// Buffers of the sweep, kept between receivers.
 #[derive(Debug, Default)]
@@ -38,9 +37,8 @@ pub(super) fn sweep(
     depth_at_pole: i32,
     region: &mut Region,
 ) -> (DVec3, i32) {
-    region.boundary.clear();
-    region.sources.clear();
-    region.residuals = Residuals { unbalanced: edges.bad, ..Residuals::default() };
+    region.clear();
+    region.residuals.unbalanced = edges.bad;
     queue.crossings.reset(edges.vertices.len());
     queue.landmarks.reset();
     queue.from.resize(edges.edges.len(), [DVec3::ZERO; 2]);
@@ -51,10 +49,7 @@ pub(super) fn sweep(
         chart,
         now: 0.0,
         horizon: edges.horizon,
-        residuals: &mut region.residuals,
-        boundary: &mut region.boundary,
-        sources: &mut region.sources,
-        solid_angle: 0.0,
+        region,
     };
     sweep.begin(&mut edges.at_seam, depth_at_pole);
     let (check, depth) = sweep.widest_gap();
@@ -75,8 +70,7 @@ pub(super) fn sweep(
     }
     sweep.cross_until(TURN_END);
     sweep.finish();
-    region.solid_angle = sweep.solid_angle;
-    region.residuals.closure = region.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
+    region.finish();
     (chart.world(check), depth)
 }
 
@@ -90,10 +84,7 @@ pub(super) struct Sweep<'a> {
     pub(super) now: f64,
     /// The horizon's edge, or NIL.
     pub(super) horizon: u32,
-    pub(super) residuals: &'a mut Residuals,
-    pub(super) boundary: &'a mut Vec<BoundaryArc>,
-    pub(super) sources: &'a mut Vec<u32>,
-    pub(super) solid_angle: f64,
+    pub(super) region: &'a mut Region,
 }
 
 impl Sweep<'_> {
@@ -247,7 +238,7 @@ impl Sweep<'_> {
 
     /// Exchanges two neighbours at a point, or where they cross.
     pub(super) fn exchange(&mut self, upper: u32, lower: u32, point: Option<DVec3>) {
-        self.residuals.crossings += 1;
+        self.region.residuals.crossings += 1;
         let (before, after) = (self.edge(upper).prev, self.edge(lower).next);
         self.link(before, lower);
         self.link(lower, upper);
@@ -282,8 +273,8 @@ impl Sweep<'_> {
             // The boundary's excess about the pole counts what lies above it; the other pole adds the whole sphere.
             let turn = 4.0 * std::f64::consts::PI;
             match self.below(last) {
-                0 => self.solid_angle += turn,
-                depth if depth < 0 => self.residuals.negative += turn,
+                0 => self.region.solid_angle += turn,
+                depth if depth < 0 => self.region.residuals.negative += turn,
                 _ => {}
             }
         }

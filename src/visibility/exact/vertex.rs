@@ -49,7 +49,7 @@ impl Sweep<'_> {
             balance += self.edge(start).jump;
         }
         if balance != 0 && !is_below {
-            self.residuals.unbalanced += 1;
+            self.region.residuals.unbalanced += 1;
         }
         // By insertion: rounding may make the comparison intransitive, which is harmless here and not in `sort_by`.
         for i in 1..self.queue.starts.len() {
@@ -110,7 +110,7 @@ impl Sweep<'_> {
     }
 
     pub(super) fn force(&mut self, upper: u32, lower: u32, point: DVec3) {
-        self.residuals.forced += 1;
+        self.region.residuals.forced += 1;
         self.exchange(upper, lower, Some(point));
     }
 
