@@ -539,7 +539,9 @@ fn an_error_is_planned_for_and_the_plan_is_kept() {
     succeeds(folder, "bake knot.toml -o half.npz --isolines 12");
     let half = writers::npz::read(&folder.join("half.npz")).unwrap();
     let mut arrays = half.arrays.clone();
-    ["positions", "normals", "triangles"].map(|name| arrays.remove(name));
+    for name in ["positions", "normals", "triangles"] {
+        arrays.remove(name);
+    }
     let count = arrays.get("ambient_occlusion").unwrap().shape[0];
     let partial = Partial {
         arrays,

@@ -59,11 +59,12 @@ fn small_errors_and_gradients_are_left_to_the_exact_method() {
     let (scene, receivers) = receivers();
     let request = Request { ambient_occlusion: true, ..Request::default() };
     let prepared = Prepared::new(&scene.geometry, None);
-    let plan = |request, error| prepared.plan(&receivers, request, Goal { error, family: None }, &()).unwrap();
-    assert_eq!(plan(&request, 1e-8).method, Method::Exact);
-    assert_eq!(plan(&Request { gradients: true, ..request }, 1e-2).method, Method::Exact);
+    let plan =
+        |request: Request, error| prepared.plan(&receivers, &request, Goal { error, family: None }, &()).unwrap();
+    assert_eq!(plan(request, 1e-8).method, Method::Exact);
+    assert_eq!(plan(Request { gradients: true, ..request }, 1e-2).method, Method::Exact);
     // What nothing reaches is not promised.
-    let beyond = plan(&request, 1e-30);
+    let beyond = plan(request, 1e-30);
     assert!(beyond.method == Method::Exact && beyond.report.expected_error > 1e-30, "{beyond}");
 }
 
