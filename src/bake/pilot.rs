@@ -24,6 +24,8 @@ pub(super) struct Pilot<'a> {
     built: Vec<(Family, f64)>,
     /// What is known of isolines.
     lines: Option<Law>,
+    /// What is known of rays, and the values they gave.
+    rays: Option<(Family, [(Level, Arrays); 2])>,
 }
 
 /// One family measured at one count.
@@ -43,11 +45,6 @@ pub(super) struct Level {
 const SHARE: usize = 64;
 const LEAST: usize = 16;
 const MOST: usize = 256;
-/// Receivers of a first look, which decides whether a family is worth measuring; the exact method makes do with fewer.
-const LOOK: usize = 64;
-const EXACT_LOOK: usize = 8;
-/// At fewer lines, or at its best, no family takes less than this share of the time of its first look.
-const LEAST_SHARE: f64 = 0.5;
 /// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
 const SHORT: f64 = 1e-3;
 const REPEATS: usize = 3;
@@ -75,6 +72,7 @@ impl<'a> Pilot<'a> {
             reference: None,
             built: Vec::new(),
             lines: None,
+            rays: None,
         })
     }
 
@@ -94,36 +92,40 @@ impl<'a> Pilot<'a> {
         self.prepared.build(family, &self.tiles)?;
         self.built.push((family, started.elapsed().as_secs_f64()));
         let [coarse, fine] = family.levels();
-        let look = if family == Family::Exact { EXACT_LOOK } else { LOOK };
-        let look = self.tiles.pick(0..self.tiles.len().min(look));
-        let first = self.measure(family, coarse, &look, REPEATS)?.0;
-        if LEAST_SHARE * family.least(aim, f64::from(coarse)) * first.seconds * all as f64 > best {
-            return Ok(None);
+        for &(receivers, share) in family.looks() {
+            let look = self.tiles.pick(0..self.tiles.len().min(receivers));
+            let seconds = self.measure(family, coarse, &look, REPEATS)?.0.seconds;
+            if share * family.least(aim, f64::from(coarse)) * seconds * all as f64 > best {
+                return Ok(None);
+            }
         }
         if family == Family::Exact {
-            let seconds = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), 1)?.0.seconds;
-            return Ok(Some(Candidate::exact(Level { seconds, ..first }, all)));
+            let (level, _) = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), 1)?;
+            return Ok(Some(Candidate::exact(level, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;
         let (fine, fine_values) = self.level(family, fine)?;
-        match family {
-            Family::Isolines => {
-                coarse.rmse = difference(&coarse_values, &fine_values);
-                self.reference = Some(fine_values);
-            }
-            _ => {
-                let caution = if family == Family::Embree { CAUTION } else { 1.0 };
-                coarse.rmse = match &self.reference {
-                    Some(reference) => difference(&coarse_values, reference),
-                    None => coarse.stated / caution,
-                };
-            }
-        }
-        let law = Law::new(family, [coarse, fine]);
         if family == Family::Isolines {
+            coarse.rmse = difference(&coarse_values, &fine_values);
+            self.reference = Some(fine_values);
+            let law = Law::new(family, [coarse, fine]);
             self.lines = Some(law);
+            return Ok(Some(law.candidate(aim, all)));
         }
-        Ok(Some(law.candidate(aim, all)))
+        let caution = if family == Family::Embree { CAUTION } else { 1.0 };
+        coarse.rmse = coarse.stated / caution;
+        self.rays = Some((family, [(coarse, coarse_values), (fine, fine_values)]));
+        Ok(Some(self.revised_rays(aim, all).unwrap_or_else(|| Law::new(family, [coarse, fine]).candidate(aim, all))))
+    }
+
+    /// What rays promise, now that isolines have told how wrong they are.
+    pub(super) fn revised_rays(&self, aim: f64, all: usize) -> Option<Candidate> {
+        let (reference, (family, levels)) = self.reference.as_ref().zip(self.rays.as_ref())?;
+        let levels = [0, 1].map(|i| {
+            let (level, values) = &levels[i];
+            Level { rmse: difference(values, reference), ..*level }
+        });
+        Some(Law::new(*family, levels).candidate(aim, all))
     }
 
     /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured.
