@@ -71,7 +71,7 @@ impl<'a> Prepared<'a> {
         let started = Instant::now();
         match method {
             Method::Isolines { .. } | Method::Exact => {
-                let baker = Solver::new(self, light, request, &layout, method)?;
+                let baker = Solver::new(self, light, request, &layout, method, receivers.normals.is_empty())?;
                 run(&baker, &layout, self.geometry, receivers, method, request, resume, started, control)
             }
             Method::Qmc { samples, seed } => {

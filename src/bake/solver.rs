@@ -11,8 +11,8 @@ use super::{Prepared, Receivers, Request};
 use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, LineMoments};
 use crate::reference::{self, PixelDistribution, Qmc};
 use crate::scene::Environment;
-use crate::sphere::{self, Order};
-use crate::visibility::{Frame, Isolines, Receiver, Sight, View, Viewer, open_intervals};
+use crate::sphere;
+use crate::visibility::{Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, View, Viewer, open_intervals};
 use crate::{Error, Result};
 
 /// Visibility by contours: along isolines or exactly, and each as the other's second opinion.
@@ -22,6 +22,8 @@ pub(super) struct Solver<'a> {
     prepared: &'a Prepared<'a>,
     viewer: Viewer<'a>,
     method: Method,
+    /// Whether receivers see all around.
+    is_for_probes: bool,
     assembly: Assembly<'a>,
     gradients: bool,
     layout: &'a Layout,
@@ -31,11 +33,10 @@ pub(super) struct Solver<'a> {
     bright: OnceLock<Option<PixelDistribution>>,
 }
 
-/// Tables of the isolines.
+/// Tables of the isolines: those over the receiver's hemisphere, and those that all receivers share.
 struct Lines {
-    isolines: Isolines,
-    harmonics: Option<LineHarmonics>,
-    light: Option<LightTable>,
+    harmonics: Option<(Meridians, LineHarmonics)>,
+    light: Option<(Isolines, LightTable)>,
 }
 
 /// A way to solve one receiver.
@@ -55,9 +56,9 @@ const LAST_RAYS: u32 = 1 << 16;
 #[derive(Default)]
 pub(super) struct Memory {
     view: View,
-    moments: Option<LineMoments>,
-    /// Harmonics over the isolines of even and of odd number.
-    sets: [Vec<f64>; 2],
+    moments: LineMoments,
+    /// One hemisphere's harmonics, turned from the axes of its chart.
+    turned: Vec<f64>,
     seen: Seen,
     gradients: Gradients,
     /// For looks at a receiver's neighbourhood, which leave the tile's search alone.
@@ -71,11 +72,13 @@ impl<'a> Solver<'a> {
         request: &Request,
         layout: &'a Layout,
         method: Method,
+        is_for_probes: bool,
     ) -> Result<Self> {
         let solver = Self {
             prepared,
             viewer: prepared.viewer()?,
             method,
+            is_for_probes,
             assembly: Assembly::new(environment, request, layout)?,
             gradients: request.gradients,
             layout,
@@ -87,7 +90,7 @@ impl<'a> Solver<'a> {
         match method {
             Method::Isolines { lines } => {
                 let isolines = Isolines::new(lines as usize)?;
-                solver.lines.get_or_init(|| Lines::new(isolines, &solver.assembly));
+                solver.lines.get_or_init(|| Lines::new(isolines, &solver.assembly, is_for_probes));
             }
             Method::Exact => {
                 solver.region_light();
@@ -123,8 +126,7 @@ impl<'a> Solver<'a> {
     /// Everything asked for at one receiver of the tile that `memory.view` approached.
     fn receiver(&self, index: usize, receiver: Receiver, row: &mut [f64], memory: &mut Memory) -> Result<Counts> {
         let mut counts = Counts::default();
-        self.viewer.face(receiver, &mut memory.view);
-        counts.contours = memory.view.contours().arcs.len() as u64;
+        self.viewer.find(receiver, &mut memory.view);
         // On an edge that is not its own the receiver sees that edge in all directions of a half circle, which the contours
         // do not tell.
         let first = if self.is_on_foreign_edge(receiver) { self.attempts().len() - 1 } else { 0 };
@@ -168,70 +170,103 @@ impl<'a> Solver<'a> {
     }
 
     /// Solves along isolines; returns whether an alarm fired.
-    fn along_isolines(&self, frame: usize, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
+    fn along_isolines(&self, rank: usize, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let lines = self.lines.get_or_init(|| {
             let isolines = Isolines::new(SECOND_LINES).expect("the number of isolines is a constant");
-            Lines::new(isolines, &self.assembly)
+            Lines::new(isolines, &self.assembly, self.is_for_probes)
         });
-        let frame = Frame::facing(receiver.normal, frame);
-        let Memory { view, moments, sets, seen, .. } = memory;
-        let mut harmonics = lines.harmonics.as_ref().map(|table| {
-            let moments = moments.get_or_insert_with(|| LineMoments::new(table));
-            (table, moments)
-        });
-        let mut light = lines.light.as_ref().map(|table| (table, LightMoments::default()));
+        counts.contours = 0;
+        let mut alarm = false;
+        if let Some((meridians, table)) = &lines.harmonics {
+            alarm |= self.along_meridians(meridians, table, rank, receiver, memory, counts);
+        }
+        if let Some((isolines, table)) = &lines.light {
+            alarm |= self.light_along_isolines(isolines, table, rank, receiver, memory, counts);
+        }
+        alarm
+    }
 
-        let sight = self.viewer.follow(&lines.isolines, frame, receiver, view, |interval| {
-            if let Some((table, moments)) = &mut harmonics {
-                moments.add(table, interval);
-            }
-            if let Some((table, moments)) = &mut light {
-                moments.add(table, frame.axis(), interval);
-            }
-        });
-
-        counts.open += u64::from(sight == Sight::Open);
-        counts.enclosed += u64::from(sight == Sight::Enclosed);
-        if let Some((table, moments)) = harmonics {
-            seen.visibility.clear();
-            seen.visibility.resize(table.order().len(), 0.0);
-            seen.visibility_error = ROUNDING;
-            match sight {
-                Sight::Open => open_sky(table.order(), receiver.normal, &mut seen.visibility),
-                Sight::Enclosed => {}
-                Sight::Part(_) => {
-                    for set in &mut *sets {
-                        set.clear();
-                        set.resize(table.order().len(), 0.0);
-                    }
-                    let [even, odd] = &mut *sets;
-                    moments.finish(table, frame.axis(), [even, odd]);
-                    for (sum, (even, odd)) in seen.visibility.iter_mut().zip(even.iter().zip(&*odd)) {
-                        *sum = even + odd;
-                    }
-                    let difference = even.iter().zip(&*odd).map(|(even, odd)| (even - odd).powi(2)).sum::<f64>();
-                    seen.visibility_error += NESTED * (difference / even.len() as f64).sqrt();
+    /// The harmonics of what a receiver sees: of its hemisphere, or of both halves of a probe's sphere.
+    fn along_meridians(
+        &self,
+        meridians: &Meridians,
+        table: &LineHarmonics,
+        rank: usize,
+        receiver: Receiver,
+        memory: &mut Memory,
+        counts: &mut Counts,
+    ) -> bool {
+        let Memory { view, moments, turned, seen, .. } = memory;
+        let size = table.order().len();
+        seen.visibility.clear();
+        seen.visibility.resize(size, 0.0);
+        turned.resize(size, 0.0);
+        let (mut alarms, mut difference) = (0, 0.0);
+        let (mut is_open, mut is_enclosed) = (true, true);
+        let halves = receiver.normal.map_or([Some(DVec3::Z), Some(DVec3::NEG_Z)], |normal| [Some(normal), None]);
+        for normal in halves.into_iter().flatten() {
+            let frame = MeridianFrame::new(normal, rank);
+            let sight = self.viewer.trace(meridians, frame, receiver, view);
+            counts.contours += view.counts().above as u64;
+            is_open &= sight == Sight::Open;
+            is_enclosed &= sight == Sight::Enclosed;
+            let seen_half = match sight {
+                Sight::Open => table.open(),
+                Sight::Enclosed => continue,
+                Sight::Part(sweep) => {
+                    alarms += sweep.depth_alarms;
+                    table.integrate(view.spans(), moments);
+                    &*moments
                 }
-            }
+            };
+            sphere::rotate(table.order(), frame.axes(), &seen_half.sum, turned);
+            seen.visibility.iter_mut().zip(&*turned).for_each(|(sum, half)| *sum += half);
+            difference += seen_half.difference.iter().map(|x| x * x).sum::<f64>();
         }
-        if let Some((table, mut moments)) = light {
-            if sight == Sight::Open {
-                open_intervals(&lines.isolines, frame, receiver.normal, |interval| {
-                    moments.add(table, frame.axis(), interval);
-                });
-            }
-            let [even, odd] = moments.vectors();
-            seen.light = [0, 1, 2].map(|colour| even[colour] + odd[colour]);
-            let difference: f64 = even.iter().zip(&odd).map(|(even, odd)| even.distance_squared(*odd)).sum();
-            let scale: f64 = seen.light.iter().map(|light| light.length()).sum();
-            seen.light_error = NESTED * (difference / 9.0).sqrt() + ROUNDING * scale;
+        counts.open += u64::from(is_open);
+        counts.enclosed += u64::from(is_enclosed);
+        seen.visibility_error = ROUNDING + NESTED * (difference / size as f64).sqrt();
+        alarms > 0
+    }
+
+    /// The vector irradiance of a textured environment, along the isolines that all receivers share.
+    fn light_along_isolines(
+        &self,
+        isolines: &Isolines,
+        table: &LightTable,
+        rank: usize,
+        receiver: Receiver,
+        memory: &mut Memory,
+        counts: &mut Counts,
+    ) -> bool {
+        let Memory { view, seen, .. } = memory;
+        let frame = Frame::facing(receiver.normal, rank);
+        let mut moments = LightMoments::default();
+        self.viewer.project(receiver, view);
+        counts.contours = view.contours().arcs.len() as u64;
+        let sight = self.viewer.follow(isolines, frame, receiver, view, |interval| {
+            moments.add(table, frame.axis(), interval);
+        });
+        if sight == Sight::Open {
+            open_intervals(isolines, frame, receiver.normal, |interval| moments.add(table, frame.axis(), interval));
         }
+        if self.assembly.bands.is_none() {
+            counts.open += u64::from(sight == Sight::Open);
+            counts.enclosed += u64::from(sight == Sight::Enclosed);
+        }
+        let [even, odd] = moments.vectors();
+        seen.light = [0, 1, 2].map(|colour| even[colour] + odd[colour]);
+        let difference: f64 = even.iter().zip(&odd).map(|(even, odd)| even.distance_squared(*odd)).sum();
+        let scale: f64 = seen.light.iter().map(|light| light.length()).sum();
+        seen.light_error = NESTED * (difference / 9.0).sqrt() + ROUNDING * scale;
         matches!(sight, Sight::Part(sweep) if sweep.depth_alarms > 0)
     }
 
     /// Solves exactly; returns whether an alarm fired.
     fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let Memory { view, seen, gradients, .. } = memory;
+        self.viewer.project(receiver, view);
+        counts.contours = view.contours().arcs.len() as u64;
         let has_contours = !view.contours().arcs.is_empty();
         let region = self.viewer.solve(frame, receiver, view);
         let residuals = region.residuals();
@@ -318,12 +353,19 @@ const ROUNDING: f64 = 4e-15;
 const NESTED: f64 = 4.0;
 
 impl Lines {
-    fn new(isolines: Isolines, assembly: &Assembly) -> Self {
-        Self {
-            harmonics: assembly.bands.map(|bands| LineHarmonics::new(bands, &isolines)),
-            light: assembly.textured.map(|environment| LightTable::new(&isolines, environment)),
-            isolines,
-        }
+    /// The number of isolines is that over the whole sphere for light, and for probes; over the hemisphere otherwise.
+    fn new(isolines: Isolines, assembly: &Assembly, is_for_probes: bool) -> Self {
+        let harmonics = assembly.bands.map(|bands| {
+            let count = if is_for_probes { isolines.len() / 2 } else { isolines.len() };
+            let meridians = Meridians::new(count).expect("as many as there are of the others");
+            let harmonics = LineHarmonics::new(bands, &meridians);
+            (meridians, harmonics)
+        });
+        let light = assembly.textured.map(|environment| {
+            let light = LightTable::new(&isolines, environment);
+            (isolines, light)
+        });
+        Self { harmonics, light }
     }
 }
 
@@ -337,13 +379,5 @@ impl Baker for Solver<'_> {
             counts += self.receiver(index as usize, receivers.get(index as usize), row, memory)?;
         }
         Ok(counts)
-    }
-}
-
-/// Harmonics of a receiver that sees all of its hemisphere, or of a probe that sees the whole sphere.
-fn open_sky(order: Order, normal: Option<DVec3>, out: &mut [f64]) {
-    match normal {
-        Some(normal) => out.copy_from_slice(&sphere::hemisphere(order, normal)),
-        None => out[0] = (4.0 * std::f64::consts::PI).sqrt(),
     }
 }

@@ -5,11 +5,13 @@ mod crossings;
 mod depth;
 pub mod exact;
 mod isolines;
+mod meridians;
 mod sweep;
 mod view;
 
 pub use contours::{Arc, ReceiverContours};
 pub(crate) use isolines::cycle;
 pub use isolines::{Frame, Isolines};
+pub use meridians::{Counts, MeridianFrame, Meridians, Spans};
 pub use sweep::{Interval, Sweep};
 pub use view::{Receiver, Sight, View, Viewer, open_intervals};
