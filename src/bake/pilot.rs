@@ -213,3 +213,46 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = values.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));
     (sum / f64::max(count, 1.0)).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_spread_and_neighbourhoods_hold_the_nearest() {
+        assert_eq!(spread(100, 4).collect::<Vec<_>>(), [12, 37, 62, 87]);
+        assert_eq!(spread(3, 8).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(spread(0, 8).count(), 0);
+        let positions: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i * 7 % 1000)).collect();
+        let picked = neighbourhoods(&positions, 128);
+        assert_eq!(picked.len(), 128);
+        for group in picked.chunks(TILE_RECEIVERS) {
+            let places: Vec<f64> = group.iter().map(|&i| positions[i].x).collect();
+            let (low, high) = places.iter().fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
+            assert_eq!(high - low, 63.0, "64 neighbours on a line, none left out");
+        }
+        assert_eq!(neighbourhoods(&positions[..5], 16).len(), 5);
+        assert!(neighbourhoods(&[], 16).is_empty());
+    }
+
+    #[test]
+    fn power_laws_are_extrapolated_exactly() {
+        let level = |count: f64| Level {
+            count,
+            seconds: 1e-6 * (3.0 + 0.1 * count),
+            build: 0.0,
+            rmse: 2.0 * count.powf(-0.75),
+            stated: 3.0 * count.powf(-0.75),
+        };
+        let both = Law::new(Family::Qmc, [level(64.0), level(512.0)]).candidate(2.0 * 2f64.powf(-9.0), 1000);
+        assert_eq!(both.count, 4096);
+        assert!((both.expected_error / 2.0 * 2f64.powf(9.0) - 1.0).abs() < 1e-9, "{both:?}");
+        assert!((both.expected_seconds - 1e-3 * (3.0 + 409.6)).abs() < 1e-9, "{both:?}");
+        // Without an error at the finer level the stated ones tell how it falls.
+        let one = Law::new(Family::Qmc, [level(64.0), Level { rmse: 0.0, ..level(512.0) }]);
+        assert_eq!(one.candidate(2.0 * 2f64.powf(-9.0), 1000).count, 4096);
+        // Nothing wrong: the least that makes sense.
+        let right = Level { rmse: 0.0, stated: 0.0, ..level(64.0) };
+        assert_eq!(Law::new(Family::Isolines, [right, right]).candidate(1e-3, 10).count, 4);
+    }
+}
