@@ -15,6 +15,7 @@
 //! [`Renderer`] runs them. What is stored is the light that proxies *hide*: without proxies a picture is that of the unshadowed
 //! scene to the bit, and only pixels that some proxy reaches are touched. [`Truth`] judges the result.
 
+mod actor;
 mod basis;
 mod character;
 mod clip;
@@ -48,6 +49,7 @@ mod upsample;
 mod walker;
 mod zonal_log;
 
+pub use actor::{Actor, Skinned};
 pub use basis::{MAX_BANDS, basis};
 pub use character::{Character, Pose};
 pub use clip::Clip;
