@@ -12,10 +12,11 @@ use scene::Case;
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
 use silhouette::scene::FaceTree;
 use silhouette::sphere::{Order, hemisphere};
-use silhouette::visibility::{Frame, Isolines, Sight, View, Viewer, open_intervals};
+use silhouette::visibility::{Frame, Isolines, MeridianFrame, Meridians, Sight, Skips, View, Viewer, open_intervals};
 
 /// Scene and receivers timed.
-const SCENES: [(&str, usize); 4] = [("icosphere", 256), ("room", 256), ("knots_100k", 256), ("foliage", 64)];
+const SCENES: [(&str, usize); 6] =
+    [("icosphere", 256), ("room", 256), ("building", 256), ("knots_100k", 256), ("knots_2m", 64), ("foliage", 64)];
 const LINES: [usize; 3] = [16, 64, 256];
 
 /// Bound on the error along N lines, over N: an interval's end is known to a slab's width, which is 2 / N, and the errors
@@ -31,6 +32,7 @@ struct Engine<'a> {
     edges: &'a DualBvh,
     faces: &'a FaceTree,
     isolines: Isolines,
+    meridians: Meridians,
     view: View,
 }
 
@@ -38,27 +40,29 @@ impl Engine<'_> {
     /// Every receiver's coefficients, one row after another.
     fn harmonics(&mut self, tiles: &[Vec<u32>], table: &LineHarmonics) -> Vec<f64> {
         let viewer = Viewer { edges: self.edges, faces: self.faces };
-        let mut moments = LineMoments::new(table);
-        let size = table.order().len();
-        let (mut even, mut odd) = (vec![0.0; size], vec![0.0; size]);
+        let mut moments = LineMoments::default();
+        let (mut local, mut row) = (Vec::new(), vec![0.0; table.order().len()]);
         let mut rows = Vec::new();
         for tile in tiles {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             viewer.approach(receivers.clone(), &mut self.view);
             for receiver in receivers {
-                let frame = Frame::facing(receiver.normal, 0);
-                even.fill(0.0);
-                odd.fill(0.0);
-                viewer.face(receiver, &mut self.view);
-                let sight = viewer.follow(&self.isolines, frame, receiver, &mut self.view, |interval| {
-                    moments.add(table, interval);
-                });
+                let frame = MeridianFrame::facing(receiver.normal, false);
+                row.fill(0.0);
+                viewer.find(receiver, &mut self.view);
+                let sight = viewer.trace(&self.meridians, frame, receiver, Skips::default(), &mut self.view);
                 match (sight, receiver.normal) {
-                    (Sight::Part(_), _) => moments.finish(table, frame.axis(), [&mut even, &mut odd]),
-                    (Sight::Open, Some(normal)) => even.copy_from_slice(&hemisphere(table.order(), normal)),
+                    (Sight::Open, Some(normal)) => row.copy_from_slice(&hemisphere(table.order(), normal)),
+                    (Sight::Part(_), _) => {
+                        table.integrate(self.view.spans(), &mut moments);
+                        let [even, odd] = &moments.sets;
+                        local.clear();
+                        local.extend(even.iter().zip(odd).map(|(even, odd)| even + odd));
+                        table.turn(frame, &local, &mut row);
+                    }
                     _ => {}
                 }
-                rows.extend(even.iter().zip(&odd).map(|(even, odd)| even + odd));
+                rows.extend(&row);
             }
         }
         rows
@@ -111,10 +115,12 @@ fn bench(criterion: &mut Criterion) {
         for lines in LINES {
             let isolines = Isolines::new(lines).expect("an even number");
             let tolerance = FIRST_ORDER / lines as f64;
+            let meridians = Meridians::new(2 * lines).expect("a few");
             let [occlusion, harmonics] =
-                [2, 4].map(|bands| LineHarmonics::new(Order::new(bands).expect("few bands"), &isolines));
+                [2, 4].map(|bands| LineHarmonics::new(Order::new(bands).expect("few bands"), &meridians));
             let light = LightTable::new(&isolines, &case.environment);
-            let mut engine = Engine { case: &case, edges: &edges, faces: &faces, isolines, view: View::default() };
+            let mut engine =
+                Engine { case: &case, edges: &edges, faces: &faces, isolines, meridians, view: View::default() };
 
             let rows = engine.harmonics(checked, &occlusion);
             let normals = checked_receivers.iter().map(|&i| case.receivers.normals[i as usize]);

@@ -56,6 +56,7 @@ pub mod cli;
 mod error;
 pub mod integrand;
 pub mod proxy;
+pub mod race;
 pub mod reference;
 pub mod report;
 pub mod scene;

@@ -47,8 +47,8 @@ impl DualBvh {
     pub fn build(positions: Arc<[Vec3]>, triangles: Arc<[[u32; 3]]>, options: &BuildOptions) -> Result<DualBvh, Error> {
         validate(&positions, &triangles, options)?;
         let mut edges = Edges::collect(positions.len(), &triangles);
-        let units = face_units(&positions, &triangles);
         let balanced = {
+            let units = face_units(&positions, &triangles);
             let dual = Dual::new(&positions, &triangles, &edges, &units);
             let numbers = 0..edges.records.len() as u32;
             let (mut even, mut odd) =
@@ -58,9 +58,12 @@ impl DualBvh {
             let balanced = even.len();
             even.append(&mut odd);
             drop(dual);
+            // Cheaper made again than kept while the edges are there twice.
+            drop(units);
             edges.reorder(&even, &triangles);
             balanced
         };
+        let units = face_units(&positions, &triangles);
         let dual = Dual::new(&positions, &triangles, &edges, &units);
         let unbalanced = edges.records.len() - balanced;
         let pairs = tree(&dual, 0, balanced, true);

@@ -28,7 +28,8 @@ pub struct CandidateEdge {
 pub struct Candidates {
     // All buffers may be longer than what they hold.
     pub(crate) vertices: Numbering,
-    pub(crate) positions: Vec<DVec3>,
+    /// Positions of the vertices, by component.
+    pub(crate) positions: [Vec<f32>; 3],
     pub(crate) faces: Numbering,
     /// Normals of the faces, see [`crate::face_normal`], by component.
     pub(crate) normals: [Vec<f64>; 3],
@@ -59,9 +60,19 @@ impl Candidates {
         self.vertices.globals()
     }
 
-    /// Positions of the vertices.
-    pub fn positions(&self) -> &[DVec3] {
-        &self.positions[..self.vertices().len()]
+    /// Position of a vertex by its local number.
+    #[inline(always)]
+    pub fn position(&self, vertex: u32) -> DVec3 {
+        let [x, y, z] = &self.positions;
+        let vertex = vertex as usize;
+        DVec3::new(f64::from(x[vertex]), f64::from(y[vertex]), f64::from(z[vertex]))
+    }
+
+    /// Positions of all vertices, by component.
+    #[inline(always)]
+    pub fn coordinates(&self) -> [&[f32]; 3] {
+        let count = self.vertices().len();
+        [0, 1, 2].map(|axis| &self.positions[axis][..count])
     }
 
     /// Numbers in the mesh of the candidates' faces.

@@ -76,10 +76,11 @@ impl DualBvh {
         lone.iter_mut().zip(border.iter().map(|&(_, use_)| use_)).chain(rest.iter_mut().zip(others)).for_each(number);
 
         let vertices = out.vertices.globals();
-        room(&mut out.positions, vertices.len());
+        out.positions.iter_mut().for_each(|lanes| room(lanes, vertices.len()));
+        let [x, y, z] = &mut out.positions;
         let vertices = ahead(vertices, AHEAD, |&vertex| prefetch(&self.positions[vertex as usize]));
-        for (position, &vertex) in out.positions.iter_mut().zip(vertices) {
-            *position = self.positions[vertex as usize].as_dvec3();
+        for (((x, y), z), &vertex) in x.iter_mut().zip(y).zip(z).zip(vertices) {
+            [*x, *y, *z] = self.positions[vertex as usize].to_array();
         }
         self.collect_planes(out);
     }

@@ -107,18 +107,19 @@ impl Edges {
             start[i + 1] += start[i];
         }
         let mut next = start.clone();
-        let mut uses = vec![(0u32, 0u32, false); 3 * triangles.len()];
+        let mut uses = vec![(0u32, Incidence::default()); 3 * triangles.len()];
         for (face, triangle) in triangles.iter().enumerate() {
             for (u, v) in sides(triangle) {
                 let slot = &mut next[u.min(v) as usize];
-                uses[*slot as usize] = (u.max(v), face as u32, u > v);
+                uses[*slot as usize] = (u.max(v), Incidence::new(face as u32, u > v));
                 *slot += 1;
             }
         }
+        drop(next);
         let mut edges = Self { records: Vec::with_capacity(3 * triangles.len() / 2), ..Self::default() };
         for a in 0..vertices {
             let around = &mut uses[start[a] as usize..start[a + 1] as usize];
-            around.sort_unstable();
+            around.sort_unstable_by_key(|&(b, use_)| (b, use_.face()));
             for shared in around.chunk_by(|x, y| x.0 == y.0) {
                 edges.push(a as u32, shared);
             }
@@ -127,9 +128,9 @@ impl Edges {
         edges
     }
 
-    fn push(&mut self, a: u32, shared: &[(u32, u32, bool)]) {
+    fn push(&mut self, a: u32, shared: &[(u32, Incidence)]) {
         let b = shared[0].0;
-        let uses = shared.iter().map(|&(_, face, against)| Incidence::new(face, against));
+        let uses = shared.iter().map(|&(_, use_)| use_);
         self.records.push(if shared.len() > 2 {
             let first = self.fans.len() as u32;
             self.fans.extend(uses);

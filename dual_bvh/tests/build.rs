@@ -116,7 +116,7 @@ fn one_memory_serves_many_trees() {
         assert_eq!(reused.0.edges(), fresh.0.edges());
         assert_eq!(reused.0.incidences(), fresh.0.incidences());
         assert_eq!(reused.0.vertices(), fresh.0.vertices());
-        assert_eq!(reused.0.positions(), fresh.0.positions());
+        assert_eq!(reused.0.coordinates(), fresh.0.coordinates());
         assert_eq!(reused.0.faces(), fresh.0.faces());
         assert_eq!(reused.1.signs(), fresh.1.signs());
         assert_eq!(reused.1.edges(), fresh.1.edges());
@@ -130,8 +130,8 @@ fn candidates_describe_their_edges() {
     let mut candidates = Candidates::default();
     tree.search(&Tile::new([(DVec3::ZERO, None), (DVec3::new(0.3, 0.0, 0.1), None)].into_iter()), &mut candidates);
     assert!(!candidates.edges().is_empty());
-    for (&vertex, &position) in candidates.vertices().iter().zip(candidates.positions()) {
-        assert_eq!(position, mesh.positions[vertex as usize].as_dvec3());
+    for (local, &vertex) in candidates.vertices().iter().enumerate() {
+        assert_eq!(candidates.position(local as u32), mesh.positions[vertex as usize].as_dvec3());
     }
     for (local, &face) in candidates.faces().iter().enumerate() {
         let [a, b, c] = mesh.triangles[face as usize].map(|vertex| mesh.positions[vertex as usize]);

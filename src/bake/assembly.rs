@@ -1,6 +1,7 @@
 use glam::DVec3;
 
 use super::Request;
+use super::gradients::Gradients;
 use super::layout::Layout;
 use crate::Result;
 use crate::integrand;
@@ -32,6 +33,13 @@ pub(super) struct Assembly<'a> {
     layout: &'a Layout,
 }
 
+/// Largest errors of what are linear combinations of harmonics of visibility, per error of a harmonic.
+const FACTORS: [(&str, &str, f64); 3] = [
+    ("ambient_occlusion_error", "ambient_occlusion_gradient_error", 0.65),
+    ("visibility_sh_error", "visibility_sh_gradient_error", 1.0),
+    ("transfer_sh_error", "transfer_sh_gradient_error", 0.32),
+];
+
 impl<'a> Assembly<'a> {
     pub(super) fn new(environment: Option<&'a Environment>, request: &Request, layout: &'a Layout) -> Result<Self> {
         let order = Order::new(request.order)?;
@@ -45,6 +53,32 @@ impl<'a> Assembly<'a> {
         ];
         let textured = environment.filter(|_| even.is_none());
         Ok(Self { order, bands: wanted.into_iter().flatten().max(), even, textured, layout })
+    }
+
+    /// Fills the gradients of a receiver's row: what is linear in visibility is so in its derivatives.
+    pub(super) fn fill_gradients(&self, gradients: &Gradients, normal: Option<DVec3>, row: &mut [f64]) {
+        let mut transfer = vec![0.0; self.order.len()];
+        for (axis, derivative) in gradients.by_axis.iter().enumerate() {
+            let mut put = |name: &str, values: &[f64]| {
+                if let Some(out) = self.layout.slice(name, row) {
+                    out.iter_mut().skip(axis).step_by(3).zip(values).for_each(|(out, value)| *out = *value);
+                }
+            };
+            put("visibility_sh_gradient", derivative);
+            let Some(normal) = normal else { continue };
+            if self.layout.has("ambient_occlusion_gradient") {
+                put("ambient_occlusion_gradient", &[integrand::ambient_occlusion(derivative, normal)]);
+            }
+            if self.layout.has("transfer_sh_gradient") {
+                integrand::transfer(self.order, derivative, normal, &mut transfer);
+                put("transfer_sh_gradient", &transfer);
+            }
+        }
+        for (_, name, factor) in FACTORS {
+            if let Some(out) = self.layout.slice(name, row) {
+                out.fill(gradients.error * factor);
+            }
+        }
     }
 
     /// Fills a receiver's row.
@@ -77,16 +111,14 @@ impl<'a> Assembly<'a> {
         if let (Some(out), Some(normal)) = (self.layout.slice("irradiance", row), normal) {
             out.copy_from_slice(&vectors.map(|vector| vector.dot(normal)));
         }
-        // Each is a linear combination of harmonics or components: the factors are the largest such combinations.
-        for (name, error) in [
-            ("ambient_occlusion_error", visibility_error * 0.65),
-            ("visibility_sh_error", *visibility_error),
-            ("transfer_sh_error", visibility_error * 0.32),
-            ("irradiance_error", vector_error),
-            ("vector_irradiance_error", vector_error),
-        ] {
+        for (name, _, factor) in FACTORS {
             if let Some(out) = self.layout.slice(name, row) {
-                out.fill(error);
+                out.fill(visibility_error * factor);
+            }
+        }
+        for name in ["irradiance_error", "vector_irradiance_error"] {
+            if let Some(out) = self.layout.slice(name, row) {
+                out.fill(vector_error);
             }
         }
     }

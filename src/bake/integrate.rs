@@ -1,12 +1,11 @@
 use std::time::Instant;
 
+use cpu_time::ProcessTime;
 use rayon::prelude::*;
 
-use super::by_rays::ByRays;
 use super::layout::Layout;
-use super::solver::Solver;
 use super::tiles::{TILE_RADIUS, tiles};
-use super::{Array, Arrays, Control, Method, Outcome, Partial, Receivers, Request, Statistics};
+use super::{Array, Arrays, Control, Method, Outcome, Partial, Prepared, Receivers, Request, Statistics};
 use crate::scene::{Environment, Geometry};
 use crate::{Error, Result};
 
@@ -28,23 +27,7 @@ pub fn integrate(
     resume: Option<Partial>,
     control: &dyn Control,
 ) -> Result<Outcome> {
-    let layout = Layout::new(request, receivers.normals.is_empty())?;
-    let light = match (request.irradiance || request.vector_irradiance, environment) {
-        (false, _) => None,
-        (true, None) => return Err(Error::input("irradiance was asked for, but there is no environment")),
-        (true, light) => light,
-    };
-    let started = Instant::now();
-    match method {
-        Method::Isolines { .. } | Method::Exact => {
-            let baker = Solver::new(geometry, light, request, &layout, method)?;
-            run(&baker, &layout, geometry, receivers, method, request, resume, started, control)
-        }
-        Method::Qmc { samples, seed } => {
-            let baker = ByRays::new(geometry, light, request, &layout, samples, seed)?;
-            run(&baker, &layout, geometry, receivers, method, request, resume, started, control)
-        }
-    }
+    Prepared::new(geometry, environment).integrate(receivers, request, method, resume, control)
 }
 
 /// A method at work on one tile of neighbouring receivers after another.
@@ -71,6 +54,10 @@ pub(super) struct Counts {
     pub(super) enclosed: u64,
     /// Receivers for which a neighbour's contour search served.
     pub(super) shared_searches: u64,
+    /// Contours below the horizon that the search did not leave out.
+    pub(super) below_horizon: u64,
+    /// Contours between two isolines.
+    pub(super) between_isolines: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -81,14 +68,16 @@ impl std::ops::AddAssign for Counts {
         self.open += other.open;
         self.enclosed += other.enclosed;
         self.shared_searches += other.shared_searches;
+        self.below_horizon += other.below_horizon;
+        self.between_isolines += other.between_isolines;
     }
 }
 
 /// What is tried after an alarm, in this order.
 const FALLBACKS: [&str; 3] = ["rotated_frame", "other_method", "rays"];
 
-#[expect(clippy::too_many_arguments, reason = "the parts of one call of `integrate`, split off for the generic method")]
-fn run<B: Baker>(
+#[expect(clippy::too_many_arguments, reason = "the parts of one integration, split off for the generic method")]
+pub(super) fn run<B: Baker>(
     baker: &B,
     layout: &Layout,
     geometry: &Geometry,
@@ -108,7 +97,7 @@ fn run<B: Baker>(
     let build_seconds = started.elapsed().as_secs_f64();
 
     control.begin("integrating", todo.len() as u64);
-    let started = Instant::now();
+    let (started, processor) = (Instant::now(), ProcessTime::try_now());
     let finished: Vec<Option<(Vec<f64>, Counts)>> = tiles
         .par_iter()
         .map_init(B::Memory::default, |memory, tile| {
@@ -122,6 +111,11 @@ fn run<B: Baker>(
         })
         .collect::<Result<_>>()?;
     let integrate_seconds = started.elapsed().as_secs_f64();
+    // Where there is no such clock, all threads are taken to have worked all the time.
+    let processor_seconds = match processor.and_then(|clock| clock.try_elapsed()) {
+        Ok(time) => time.as_secs_f64(),
+        Err(_) => integrate_seconds * rayon::current_num_threads() as f64,
+    };
 
     let (mut counts, mut solved) = (Counts::default(), 0);
     for (tile, finished) in tiles.iter().zip(finished) {
@@ -136,6 +130,8 @@ fn run<B: Baker>(
         ("open_receivers", counts.open),
         ("enclosed_receivers", counts.enclosed),
         ("shared_searches", counts.shared_searches),
+        ("contours_below_horizon", counts.below_horizon),
+        ("contours_between_isolines", counts.between_isolines),
     ];
     let statistics = Statistics {
         receivers: solved,
@@ -145,9 +141,12 @@ fn run<B: Baker>(
         threads: rayon::current_num_threads(),
         build_seconds,
         integrate_seconds,
+        processor_seconds,
         contours_per_receiver: counts.contours as f64 / solved.max(1) as f64,
         depth_alarms: counts.depth_alarms,
         fallbacks: FALLBACKS.iter().zip(counts.fallbacks).map(|(name, count)| ((*name).to_owned(), count)).collect(),
+        plan: None,
+        estimated_error: None,
         skipped: skipped.into_iter().map(|(name, count)| (name.to_owned(), count)).collect(),
     };
     let done = std::mem::take(&mut rows.done);

@@ -31,8 +31,12 @@ impl Layout {
             ("bent_normal", request.bent_normal, vec![3]),
         ];
         let mut layout = Self { arrays: Vec::new(), width: 0 };
-        for (name, _, shape) in wanted.into_iter().filter(|(_, wanted, _)| *wanted) {
+        for (name, _, shape) in wanted.iter().filter(|(_, wanted, _)| *wanted).cloned() {
             layout.push(name.into(), shape);
+        }
+        for (name, _, mut shape) in wanted[..3].iter().filter(|(_, wanted, _)| *wanted && request.gradients).cloned() {
+            shape.push(3);
+            layout.push(format!("{name}_gradient"), shape);
         }
         if layout.width == 0 {
             return Err(Error::input("nothing was asked for: request at least one array"));
@@ -47,6 +51,11 @@ impl Layout {
         let size: usize = shape.iter().product();
         self.arrays.push((name, self.width, shape));
         self.width += size;
+    }
+
+    /// Whether an array was asked for.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.arrays.iter().any(|(n, ..)| n == name)
     }
 
     /// A receiver's values of one array, if it was asked for.

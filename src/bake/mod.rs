@@ -3,12 +3,18 @@
 mod arrays;
 mod assembly;
 mod baked;
+#[cfg(feature = "embree")]
+mod by_embree;
 mod by_rays;
 mod channels;
+mod gradients;
 mod integrate;
 mod layout;
 mod partial;
+mod pilot;
 mod pixels;
+mod plan;
+mod prepared;
 mod progress;
 mod provenance;
 mod receivers;
@@ -18,13 +24,16 @@ mod statistics;
 mod tiles;
 pub mod writers;
 
+pub use crate::visibility::Skips;
 pub use arrays::{Array, Arrays};
 pub use baked::{Baked, BakedImage, BakedVertices};
 pub use channels::{components, flip_phase};
 pub use integrate::integrate;
 pub use partial::Partial;
 pub use pixels::Pixels;
-pub use progress::Control;
+pub use plan::{Candidate, Family, Goal, Plan, PlanReport};
+pub use prepared::Prepared;
+pub use progress::{Control, Unmoved};
 pub use provenance::{Phase, Provenance};
 pub use receivers::Receivers;
 pub use request::{Method, Outcome, Request};

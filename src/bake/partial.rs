@@ -63,6 +63,14 @@ impl Partial {
         Ok(partial)
     }
 
+    /// What was being computed by the run whose finished part is `path`.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn provenance(path: &Path) -> Result<Provenance> {
+        Ok(npz::read(path)?.provenance.unwrap_or_default())
+    }
+
     /// Fails unless this is a part of a run over `receivers` receivers.
     ///
     /// # Errors

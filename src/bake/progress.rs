@@ -14,6 +14,17 @@ pub trait Control: Sync {
     fn cancelled(&self) -> bool;
 }
 
+/// Stops when the control it holds asks to, and tells it nothing: for parts of a longer work that counts by itself.
+pub struct Unmoved<'a>(pub &'a dyn Control);
+
+impl Control for Unmoved<'_> {
+    fn advance(&self, _: u64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
 impl Control for () {
     fn advance(&self, _: u64) {}
 

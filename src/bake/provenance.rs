@@ -2,6 +2,9 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::Method;
+use crate::reference::EmbreeVariant;
+
 /// Where a result comes from: enough to make it again.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
@@ -21,6 +24,33 @@ impl Provenance {
     /// Provenance of a result of this version of the library, by `method`.
     pub fn new(method: impl Into<String>) -> Self {
         Self { version: env!("CARGO_PKG_VERSION").into(), method: method.into(), ..Self::default() }
+    }
+
+    /// Provenance of a result of this version of the library, by `method` with its settings.
+    pub fn of(method: Method) -> Self {
+        let provenance = Self::new(method.to_string());
+        match method {
+            Method::Isolines { lines } => provenance.with("isolines", lines),
+            Method::Exact => provenance,
+            Method::Qmc { samples, seed } | Method::Embree { samples, seed, .. } => {
+                provenance.with("samples", samples).with("seed", seed)
+            }
+        }
+    }
+
+    /// The method with its settings, as [`Provenance::of`] has noted it.
+    pub fn integrated_by(&self) -> Option<Method> {
+        let number = |name: &str| self.parameters.iter().find(|fact| fact.0 == name)?.1.parse().ok();
+        Some(match self.method.as_str() {
+            "isolines" => Method::Isolines { lines: number("isolines")? },
+            "exact" => Method::Exact,
+            "qmc" => Method::Qmc { samples: number("samples")?, seed: number("seed")? },
+            "embree" => {
+                let variant = EmbreeVariant::default();
+                Method::Embree { samples: number("samples")?, seed: number("seed")?, variant }
+            }
+            _ => return None,
+        })
     }
 
     /// Adds a parameter.
@@ -90,6 +120,21 @@ mod tests {
         assert!(json.is_ascii() && !json.contains('\n'), "{json}");
         assert!(json.contains("\"sh_phase\":\"no Condon-Shortley\""), "{json}");
         assert_eq!(serde_json::from_str::<Provenance>(&json).unwrap(), provenance);
+    }
+
+    #[test]
+    fn methods_are_read_back() {
+        let variant = EmbreeVariant::default();
+        for method in [
+            Method::Isolines { lines: 12 },
+            Method::Exact,
+            Method::Qmc { samples: 64, seed: 3 },
+            Method::Embree { samples: 64, seed: 3, variant },
+        ] {
+            assert_eq!(Provenance::of(method).with("order", 4).integrated_by(), Some(method));
+        }
+        assert_eq!(Provenance::new("isolines").integrated_by(), None);
+        assert_eq!(Provenance::default().integrated_by(), None);
     }
 
     #[test]

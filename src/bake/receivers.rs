@@ -42,7 +42,7 @@ impl Receivers {
     /// Receivers on no surface of the scene: positions are used as given, and so are the
     /// directions of the normals; what digits in a file leave their lengths short of 1 is made up. See [`Receivers::on_surface`].
     pub fn points(points: impl IntoIterator<Item = (DVec3, DVec3)>) -> Self {
-        let (positions, normals) = points.into_iter().map(|(p, n)| (p, n.normalize_or_zero())).unzip();
+        let (positions, normals) = points.into_iter().map(|(p, n)| (p, unit(n))).unzip();
         Self { positions, normals, ..Self::default() }
     }
 
@@ -92,6 +92,22 @@ impl Receivers {
         Self { own: OwnFaces::several(own), ..self }
     }
 
+    /// Some of the receivers, in the order of their indices in `picked`.
+    ///
+    /// # Panics
+    /// If there is no receiver of an index.
+    pub fn pick(&self, picked: impl IntoIterator<Item = usize>) -> Self {
+        let picked: Vec<usize> = picked.into_iter().collect();
+        let own = match self.own {
+            OwnFaces::None => OwnFaces::None,
+            _ => OwnFaces::several(picked.iter().map(|&index| self.get(index).excluded.to_vec()).collect()),
+        };
+        let positions = picked.iter().map(|&index| self.positions[index]).collect();
+        let normals =
+            if self.normals.is_empty() { Vec::new() } else { picked.iter().map(|&i| self.normals[i]).collect() };
+        Self { positions, normals, own }
+    }
+
     /// Number of receivers.
     pub fn len(&self) -> usize {
         self.positions.len()
@@ -112,4 +128,9 @@ impl Receivers {
         };
         Receiver { position: self.positions[index], normal: self.normals.get(index).copied(), excluded }
     }
+}
+
+/// A vector's direction. What is of unit length to rounding keeps its bits: bringing it there again might change the last one.
+fn unit(n: DVec3) -> DVec3 {
+    if (n.length_squared() - 1.0).abs() < 1e-15 { n } else { n.normalize_or_zero() }
 }

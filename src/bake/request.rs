@@ -1,6 +1,8 @@
 use std::fmt;
 
 use super::{Arrays, Statistics};
+use crate::reference::EmbreeVariant;
+use crate::{Error, Result};
 
 /// What to compute at every receiver. What is not asked for is not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +21,10 @@ pub struct Request {
     pub irradiance: bool,
     /// `vector_irradiance`, `[N, 3 colours, 3 axes]`: integral of `L V [n.w > 0] w`.
     pub vector_irradiance: bool,
+    /// Beside each of `ambient_occlusion`, `visibility_sh` and `transfer_sh` that is asked for, `NAME_gradient`, with an axis of
+    /// three more: its derivative by the receiver's position, per unit of length of the scene, the normal kept. By
+    /// [`Method::Exact`] only.
+    pub gradients: bool,
 }
 
 impl Default for Request {
@@ -32,6 +38,7 @@ impl Default for Request {
             bent_normal: false,
             irradiance: false,
             vector_irradiance: false,
+            gradients: false,
         }
     }
 }
@@ -39,9 +46,10 @@ impl Default for Request {
 /// How visibility is integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Octahedral u-isolines (Nowrouzezahrai, Baran, Mitchell and Jarosz 2014).
+    /// Along isolines (Nowrouzezahrai, Baran, Mitchell and Jarosz 2014): those of the octahedral map under textured light,
+    /// those of an equal-area chart for everything else.
     Isolines {
-        /// Number of lines over the sphere; the error falls as its power 1.5.
+        /// Number of lines over the sphere, closed loops or pairs of opposite meridians; the error falls as its power 1.5.
         lines: u32,
     },
     /// The visible region's boundary without discretisation, and closed forms over it: no knob.
@@ -53,6 +61,30 @@ pub enum Method {
         /// Seed of the scrambling.
         seed: u32,
     },
+    /// The same on Embree, in single precision and as fast as it gets; only in builds with the feature `embree`.
+    Embree {
+        /// Rays per receiver.
+        samples: u32,
+        /// Seed of the scrambling.
+        seed: u32,
+        /// How Embree is asked.
+        variant: EmbreeVariant,
+    },
+}
+
+impl Method {
+    /// Whether this build has the method.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that says how to build it.
+    pub fn check(self) -> Result<()> {
+        match self {
+            Self::Embree { .. } if !cfg!(feature = "embree") => Err(Error::input(
+                "this build has no Embree: install libembree-dev (Debian, Ubuntu), then cargo build --release --features embree",
+            )),
+            _ => Ok(()),
+        }
+    }
 }
 
 impl fmt::Display for Method {
@@ -61,6 +93,7 @@ impl fmt::Display for Method {
             Self::Isolines { .. } => "isolines",
             Self::Exact => "exact",
             Self::Qmc { .. } => "qmc",
+            Self::Embree { .. } => "embree",
         })
     }
 }

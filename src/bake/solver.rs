@@ -1,46 +1,43 @@
 use std::sync::OnceLock;
 
-use dual_bvh::{BuildOptions, DualBvh};
 use glam::DVec3;
 
 use super::Method;
 use super::assembly::{Assembly, Seen};
+use super::gradients::Gradients;
 use super::integrate::{Baker, Counts};
 use super::layout::Layout;
-use super::{Receivers, Request};
+use super::{Prepared, Receivers, Request};
 use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, LineMoments};
-use crate::reference::{self, PixelDistribution, Qmc, RayScene};
-use crate::scene::{Environment, FaceTree, Geometry};
+use crate::reference::{self, PixelDistribution, Qmc};
+use crate::scene::Environment;
 use crate::sphere::{self, Order};
-use crate::visibility::{Frame, Isolines, Receiver, Sight, View, Viewer, open_intervals};
+use crate::visibility::{
+    Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, Skips, View, Viewer, open_intervals,
+};
 use crate::{Error, Result};
 
 /// Visibility by contours: along isolines or exactly, and each as the other's second opinion.
 ///
 /// A receiver whose result raises an alarm is solved again in a rotated frame, then by the other method, then by rays.
 pub(super) struct Solver<'a> {
-    geometry: &'a Geometry,
-    edges: DualBvh,
-    faces: FaceTree,
+    prepared: &'a Prepared<'a>,
+    viewer: Viewer<'a>,
     method: Method,
+    skips: Skips,
     assembly: Assembly<'a>,
+    gradients: bool,
     layout: &'a Layout,
     lines: OnceLock<Lines>,
     region_light: OnceLock<LightRegion>,
-    rays: OnceLock<Rays>,
+    /// Where a textured light is bright, for rays as the last resort.
+    bright: OnceLock<Option<PixelDistribution>>,
 }
 
-/// Tables of the isolines.
+/// The isolines and their tables, for harmonics and for textured light.
 struct Lines {
-    isolines: Isolines,
-    harmonics: Option<LineHarmonics>,
-    light: Option<LightTable>,
-}
-
-/// The last resort.
-struct Rays {
-    scene: RayScene,
-    bright: Option<PixelDistribution>,
+    harmonics: Option<(Meridians, LineHarmonics)>,
+    light: Option<(Isolines, LightTable)>,
 }
 
 /// A way to solve one receiver.
@@ -60,30 +57,34 @@ const LAST_RAYS: u32 = 1 << 16;
 #[derive(Default)]
 pub(super) struct Memory {
     view: View,
-    moments: Option<LineMoments>,
-    /// Harmonics over the isolines of even and of odd number.
-    sets: [Vec<f64>; 2],
+    moments: LineMoments,
+    /// Harmonics in the axes of a chart.
+    local: Vec<f64>,
     seen: Seen,
+    gradients: Gradients,
+    /// For looks at a receiver's neighbourhood, which leave the tile's search alone.
+    aside: View,
 }
 
 impl<'a> Solver<'a> {
     pub(super) fn new(
-        geometry: &'a Geometry,
+        prepared: &'a Prepared,
         environment: Option<&'a Environment>,
         request: &Request,
         layout: &'a Layout,
         method: Method,
     ) -> Result<Self> {
         let solver = Self {
-            geometry,
-            edges: DualBvh::build(geometry.positions.clone(), geometry.triangles.clone(), &BuildOptions::default())?,
-            faces: FaceTree::new(geometry.positions.clone(), geometry.triangles.clone()),
+            prepared,
+            viewer: prepared.viewer()?,
             method,
+            skips: prepared.skips(),
             assembly: Assembly::new(environment, request, layout)?,
+            gradients: request.gradients,
             layout,
             lines: OnceLock::new(),
             region_light: OnceLock::new(),
-            rays: OnceLock::new(),
+            bright: OnceLock::new(),
         };
         // What the method itself needs is built now, what only a second opinion needs when it is asked for.
         match method {
@@ -94,13 +95,9 @@ impl<'a> Solver<'a> {
             Method::Exact => {
                 solver.region_light();
             }
-            Method::Qmc { .. } => unreachable!("rays need no contours"),
+            Method::Qmc { .. } | Method::Embree { .. } => unreachable!("rays need no contours"),
         }
         Ok(solver)
-    }
-
-    fn viewer(&self) -> Viewer<'_> {
-        Viewer { edges: &self.edges, faces: &self.faces }
     }
 
     fn region_light(&self) -> Option<&LightRegion> {
@@ -129,8 +126,7 @@ impl<'a> Solver<'a> {
     /// Everything asked for at one receiver of the tile that `memory.view` approached.
     fn receiver(&self, index: usize, receiver: Receiver, row: &mut [f64], memory: &mut Memory) -> Result<Counts> {
         let mut counts = Counts::default();
-        self.viewer().face(receiver, &mut memory.view);
-        counts.contours = memory.view.contours().arcs.len() as u64;
+        self.viewer.find(receiver, &mut memory.view);
         // On an edge that is not its own the receiver sees that edge in all directions of a half circle, which the contours
         // do not tell.
         let first = if self.is_on_foreign_edge(receiver) { self.attempts().len() - 1 } else { 0 };
@@ -141,6 +137,9 @@ impl<'a> Solver<'a> {
                 Attempt::Rays => self.by_rays(index, receiver, &mut memory.seen)?,
             };
             if !alarm {
+                if self.gradients && !matches!(attempt, Attempt::Exact { .. }) {
+                    self.differentiate(receiver, memory);
+                }
                 counts.depth_alarms = u64::from(number > 0);
                 if let Some(fallback) = number.checked_sub(1) {
                     counts.fallbacks[fallback] = 1;
@@ -149,6 +148,9 @@ impl<'a> Solver<'a> {
             }
         }
         self.assembly.fill(&memory.seen, receiver.normal, row);
+        if self.gradients {
+            self.assembly.fill_gradients(&memory.gradients, receiver.normal, row);
+        }
         match row.iter().all(|value| value.is_finite()) {
             true => Ok(counts),
             false => Err(Error::input(format!("receiver {index}: no method gives a finite result; this is a bug"))),
@@ -158,8 +160,8 @@ impl<'a> Solver<'a> {
     /// Whether the receiver lies, as far as its contours can tell, on an edge or a corner of a face that it does not leave out.
     fn is_on_foreign_edge(&self, Receiver { position, excluded, .. }: Receiver) -> bool {
         let mut found = false;
-        self.faces.visit_around(position, |face| {
-            let [a, b, c] = self.faces.corners(face).map(|corner| corner.as_dvec3() - position);
+        self.viewer.faces.visit_around(position, |face| {
+            let [a, b, c] = self.viewer.faces.corners(face).map(|corner| corner.as_dvec3() - position);
             let is_between = |a: DVec3, b: DVec3| a.dot(b) <= 0.0 && a.cross(b - a) == DVec3::ZERO;
             let holds = is_between(a, b) || is_between(b, c) || is_between(c, a);
             found |= holds && !excluded.contains(&face);
@@ -168,72 +170,101 @@ impl<'a> Solver<'a> {
     }
 
     /// Solves along isolines; returns whether an alarm fired.
-    fn along_isolines(&self, frame: usize, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
+    fn along_isolines(&self, rank: usize, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let lines = self.lines.get_or_init(|| {
             let isolines = Isolines::new(SECOND_LINES).expect("the number of isolines is a constant");
             Lines::new(isolines, &self.assembly)
         });
-        let frame = Frame::facing(receiver.normal, frame);
-        let Memory { view, moments, sets, seen } = memory;
-        let mut harmonics = lines.harmonics.as_ref().map(|table| {
-            let moments = moments.get_or_insert_with(|| LineMoments::new(table));
-            (table, moments)
-        });
-        let mut light = lines.light.as_ref().map(|table| (table, LightMoments::default()));
+        counts.contours = 0;
+        let mut alarm = false;
+        if let Some(harmonics) = &lines.harmonics {
+            alarm |= self.along_meridians(harmonics, rank, receiver, memory, counts);
+        }
+        if let Some((isolines, table)) = &lines.light {
+            alarm |= self.light_along_isolines(isolines, table, rank, receiver, memory, counts);
+        }
+        alarm
+    }
 
-        let sight = self.viewer().follow(&lines.isolines, frame, receiver, view, |interval| {
-            if let Some((table, moments)) = &mut harmonics {
-                moments.add(table, interval);
-            }
-            if let Some((table, moments)) = &mut light {
-                moments.add(table, frame.axis(), interval);
-            }
-        });
-
+    /// The harmonics of what a receiver sees.
+    fn along_meridians(
+        &self,
+        (meridians, table): &(Meridians, LineHarmonics),
+        rank: usize,
+        receiver: Receiver,
+        memory: &mut Memory,
+        counts: &mut Counts,
+    ) -> bool {
+        let Memory { view, moments, local, seen, .. } = memory;
+        let order = table.order();
+        let frame = MeridianFrame::facing(receiver.normal, rank > 0);
+        let sight = self.viewer.trace(meridians, frame, receiver, self.skips, view);
+        let contours = view.counts();
+        counts.contours = contours.above as u64;
+        counts.below_horizon = contours.below as u64;
+        counts.between_isolines = contours.between as u64;
         counts.open += u64::from(sight == Sight::Open);
         counts.enclosed += u64::from(sight == Sight::Enclosed);
-        if let Some((table, moments)) = harmonics {
-            seen.visibility.clear();
-            seen.visibility.resize(table.order().len(), 0.0);
-            seen.visibility_error = ROUNDING;
-            match sight {
-                Sight::Open => open_sky(table.order(), receiver.normal, &mut seen.visibility),
-                Sight::Enclosed => {}
-                Sight::Part(_) => {
-                    for set in &mut *sets {
-                        set.clear();
-                        set.resize(table.order().len(), 0.0);
-                    }
-                    let [even, odd] = &mut *sets;
-                    moments.finish(table, frame.axis(), [even, odd]);
-                    for (sum, (even, odd)) in seen.visibility.iter_mut().zip(even.iter().zip(&*odd)) {
-                        *sum = even + odd;
-                    }
-                    let difference = even.iter().zip(&*odd).map(|(even, odd)| (even - odd).powi(2)).sum::<f64>();
-                    seen.visibility_error += NESTED * (difference / even.len() as f64).sqrt();
-                }
+        seen.visibility.clear();
+        seen.visibility.resize(order.len(), 0.0);
+        seen.visibility_error = ROUNDING;
+        match sight {
+            Sight::Open => open_sky(order, receiver.normal, &mut seen.visibility),
+            Sight::Enclosed => {}
+            Sight::Part(_) => {
+                table.integrate(view.spans(), moments);
+                let [even, odd] = &moments.sets;
+                local.clear();
+                local.extend(even.iter().zip(odd).map(|(even, odd)| even + odd));
+                table.turn(frame, local, &mut seen.visibility);
+                // Turning keeps the length of the difference.
+                let difference = even.iter().zip(odd).map(|(even, odd)| (even - odd).powi(2)).sum::<f64>();
+                seen.visibility_error += NESTED * (difference / order.len() as f64).sqrt();
             }
         }
-        if let Some((table, mut moments)) = light {
-            if sight == Sight::Open {
-                open_intervals(&lines.isolines, frame, receiver.normal, |interval| {
-                    moments.add(table, frame.axis(), interval);
-                });
-            }
-            let [even, odd] = moments.vectors();
-            seen.light = [0, 1, 2].map(|colour| even[colour] + odd[colour]);
-            let difference: f64 = even.iter().zip(&odd).map(|(even, odd)| even.distance_squared(*odd)).sum();
-            let scale: f64 = seen.light.iter().map(|light| light.length()).sum();
-            seen.light_error = NESTED * (difference / 9.0).sqrt() + ROUNDING * scale;
+        matches!(sight, Sight::Part(sweep) if sweep.depth_alarms > 0)
+    }
+
+    /// The vector irradiance of a textured environment, along the isolines that all receivers share.
+    fn light_along_isolines(
+        &self,
+        isolines: &Isolines,
+        table: &LightTable,
+        rank: usize,
+        receiver: Receiver,
+        memory: &mut Memory,
+        counts: &mut Counts,
+    ) -> bool {
+        let Memory { view, seen, .. } = memory;
+        let frame = Frame::facing(receiver.normal, rank);
+        let mut moments = LightMoments::default();
+        self.viewer.project(receiver, view);
+        counts.contours = view.contours().arcs.len() as u64;
+        let sight = self.viewer.follow(isolines, frame, receiver, view, |interval| {
+            moments.add(table, frame.axis(), interval);
+        });
+        if sight == Sight::Open {
+            open_intervals(isolines, frame, receiver.normal, |interval| moments.add(table, frame.axis(), interval));
         }
+        if self.assembly.bands.is_none() {
+            counts.open += u64::from(sight == Sight::Open);
+            counts.enclosed += u64::from(sight == Sight::Enclosed);
+        }
+        let [even, odd] = moments.vectors();
+        seen.light = [0, 1, 2].map(|colour| even[colour] + odd[colour]);
+        let difference: f64 = even.iter().zip(&odd).map(|(even, odd)| even.distance_squared(*odd)).sum();
+        let scale: f64 = seen.light.iter().map(|light| light.length()).sum();
+        seen.light_error = NESTED * (difference / 9.0).sqrt() + ROUNDING * scale;
         matches!(sight, Sight::Part(sweep) if sweep.depth_alarms > 0)
     }
 
     /// Solves exactly; returns whether an alarm fired.
     fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
-        let Memory { view, seen, .. } = memory;
+        let Memory { view, seen, gradients, .. } = memory;
+        self.viewer.project(receiver, view);
+        counts.contours = view.contours().arcs.len() as u64;
         let has_contours = !view.contours().arcs.is_empty();
-        let region = self.viewer().solve(frame, receiver, view);
+        let region = self.viewer.solve(frame, receiver, view);
         let residuals = region.residuals();
         if !has_contours {
             counts.open += u64::from(region.solid_angle() > 0.0);
@@ -258,30 +289,45 @@ impl<'a> Solver<'a> {
             seen.light = vectors;
             seen.light_error = error + (rounding + missed) * scale;
         }
+        let alarm = residuals.alarm();
         let is_finite = seen.visibility.iter().all(|v| v.is_finite()) && seen.light.iter().all(|v| v.is_finite());
-        residuals.alarm() || !is_finite
+        let mut is_smooth = true;
+        if let (true, Some(bands)) = (self.gradients, self.assembly.bands) {
+            gradients.take(bands, view, missed);
+            is_smooth = gradients.error.is_finite() && gradients.by_axis.iter().flatten().all(|g| g.is_finite());
+        }
+        alarm || !is_finite || !is_smooth
+    }
+
+    /// Gradients where the exact method has none: from its results nearby.
+    fn differentiate(&self, receiver: Receiver, memory: &mut Memory) {
+        /// Of the scene's diagonal: rounding errors of the differences are below 1e-9 of a harmonic's largest slope.
+        const STEP: f64 = 1e-5;
+        let (Some(bands), Some([low, high])) = (self.assembly.bands, self.prepared.geometry().bounds()) else { return };
+        let step = STEP * low.as_dvec3().distance(high.as_dvec3());
+        let Memory { gradients, aside, .. } = memory;
+        gradients.take_differences(bands, self.viewer, receiver, step, aside);
     }
 
     /// Solves by rays, which raise no alarm.
     fn by_rays(&self, index: usize, receiver: Receiver, seen: &mut Seen) -> Result<bool> {
         let environment = self.assembly.textured;
-        if self.rays.get().is_none() {
-            let bright = environment.map(PixelDistribution::of).transpose()?;
+        if self.bright.get().is_none() {
             // Whoever comes second finds the same built.
-            let _ = self.rays.set(Rays { scene: RayScene::new(self.geometry), bright });
+            let _ = self.bright.set(environment.map(PixelDistribution::of).transpose()?);
         }
-        let Some(rays) = self.rays.get() else { unreachable!("it has just been set") };
+        let bright = self.bright.get().and_then(Option::as_ref);
         let radiance = environment.map(|light| move |w: DVec3| light.radiance(w).as_dvec3().to_array());
         let request = reference::Request {
             visibility_sh: self.assembly.bands,
             vector_irradiance: radiance.is_some(),
-            light: radiance.as_ref().map(|radiance| reference::Light { radiance, distribution: rays.bright.as_ref() }),
+            light: radiance.as_ref().map(|radiance| reference::Light { radiance, distribution: bright }),
             ..reference::Request::default()
         };
         let columns = request.columns();
         let (mut values, mut errors) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
         let qmc = Qmc { samples: LAST_RAYS, seed: 0 };
-        qmc.integrate_one(&rays.scene, index, &receiver, &request, &mut values, &mut errors)?;
+        qmc.integrate_one(self.prepared.rays(), index, &receiver, &request, &mut values, &mut errors)?;
         let worst = |range: std::ops::Range<usize>| 4.0 * errors[range].iter().fold(0.0f64, |worst, e| worst.max(*e));
         seen.visibility.clear();
         seen.visibility.extend_from_slice(&values[columns.visibility_sh.clone()]);
@@ -303,12 +349,18 @@ const ROUNDING: f64 = 4e-15;
 const NESTED: f64 = 4.0;
 
 impl Lines {
+    /// An octahedral isoline is a loop around the sphere, a meridian half of one: there are twice as many.
     fn new(isolines: Isolines, assembly: &Assembly) -> Self {
-        Self {
-            harmonics: assembly.bands.map(|bands| LineHarmonics::new(bands, &isolines)),
-            light: assembly.textured.map(|environment| LightTable::new(&isolines, environment)),
-            isolines,
-        }
+        let harmonics = assembly.bands.map(|bands| {
+            let meridians = Meridians::new(2 * isolines.len()).expect("the isolines are as many as they may be");
+            let harmonics = LineHarmonics::new(bands, &meridians);
+            (meridians, harmonics)
+        });
+        let light = assembly.textured.map(|environment| {
+            let light = LightTable::new(&isolines, environment);
+            (isolines, light)
+        });
+        Self { harmonics, light }
     }
 }
 
@@ -316,10 +368,20 @@ impl Baker for Solver<'_> {
     type Memory = Memory;
 
     fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Memory) -> Result<Counts> {
-        self.viewer().approach(tile.iter().map(|&index| receivers.get(index as usize)), &mut memory.view);
-        let mut counts = Counts { shared_searches: tile.len() as u64 - 1, ..Counts::default() };
-        for (&index, row) in tile.iter().zip(rows.chunks_exact_mut(self.layout.width)) {
-            counts += self.receiver(index as usize, receivers.get(index as usize), row, memory)?;
+        let mut counts = Counts::default();
+        let together = if self.skips.shared_searches { tile.len() } else { 1 };
+        for (tile, rows) in tile.chunks(together).zip(rows.chunks_mut(together * self.layout.width)) {
+            let receivers = tile.iter().map(|&index| receivers.get(index as usize));
+            if self.skips.below_horizon {
+                self.viewer.approach(receivers.clone(), &mut memory.view);
+            } else {
+                let all_around = receivers.clone().map(|receiver| Receiver { normal: None, ..receiver });
+                self.viewer.approach(all_around, &mut memory.view);
+            }
+            counts.shared_searches += tile.len() as u64 - 1;
+            for ((&index, receiver), row) in tile.iter().zip(receivers).zip(rows.chunks_exact_mut(self.layout.width)) {
+                counts += self.receiver(index as usize, receiver, row, memory)?;
+            }
         }
         Ok(counts)
     }

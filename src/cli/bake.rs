@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use std::path::Path;
 
 use crate::bake::writers::{Layout, check_target, write};
-use crate::bake::{Arrays, Baked, BakedVertices, Request, integrate};
+use crate::bake::{Arrays, Baked, BakedVertices, Provenance, Request};
 use crate::integrand::{environment_harmonics, relit};
 use crate::report;
 use crate::scene::{Scene, Sky};
@@ -13,8 +13,9 @@ use crate::sphere::Order;
 use crate::{Error, Result};
 
 use super::Failure;
-use super::options::{HarmonicsOptions, MethodOptions, RunOptions, framing, provenance, scene, vertices};
-use super::terminal::Terminal;
+use super::method::MethodOptions;
+use super::options::{HarmonicsOptions, framing, scene, vertices};
+use super::run::{RunOptions, Work};
 
 /// Bakes visibility at the vertices of a scene
 #[derive(Args)]
@@ -31,6 +32,9 @@ pub struct Bake {
     /// Picture of the result under a built-in sky [default: beside OUT for the built-in scene, else none]
     #[arg(long, value_name = "PNG")]
     preview: Option<PathBuf>,
+    /// Derivatives by the position as well: NAME_gradient beside occlusion, visibility and transfer vectors
+    #[arg(long)]
+    gradients: bool,
     #[command(flatten)]
     method: MethodOptions,
     #[command(flatten)]
@@ -66,12 +70,13 @@ Examples:
   silhouette bake -o teapot.glb
   silhouette bake room.toml -o room.npz --order 6 --isolines 512
   silhouette bake dragon.obj -o dragon.ply --quantities occlusion,bent-normal
+  silhouette bake dragon.obj -o dragon.npz --error 1e-3  in the least time
   silhouette bake dragon.obj -o dragon.ply --resume      after Ctrl-C";
 
 impl Bake {
     /// Bakes and writes the file, and the preview.
     pub fn run(&self) -> std::result::Result<(), Failure> {
-        let method = self.method.method()?;
+        let choice = self.method.choice_with(self.gradients)?;
         check_target(&self.output, Layout::Vertices)?;
         let preview = match (&self.preview, &self.scene) {
             (None, None) => Some(self.output.with_extension("png")),
@@ -87,21 +92,25 @@ impl Bake {
             visibility_sh: wanted(Quantity::Visibility),
             transfer_sh: wanted(Quantity::Transfer) || preview.is_some(),
             bent_normal: wanted(Quantity::BentNormal),
-            irradiance: false,
-            vector_irradiance: false,
+            gradients: self.gradients,
+            ..Request::default()
         };
         let name = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
-        let provenance = provenance(method).with("order", request.order).with("scene", name);
+        let parameters =
+            Provenance::default().with("order", request.order).with("scene", name).with("gradients", self.gradients);
         let scene = scene(self.scene.as_deref())?;
         let receivers = vertices(&scene.geometry);
 
-        let resumed = self.run.resumed(&self.output, &provenance)?;
-        let terminal = Terminal::new(self.run.quiet);
+        let work = Work {
+            geometry: &scene.geometry,
+            environment: None,
+            receivers: &receivers,
+            request: &request,
+            choice,
+            parameters,
+        };
         let pool = self.run.pool()?;
-        let outcome =
-            pool.install(|| integrate(&scene.geometry, None, &receivers, &request, method, resumed, &terminal));
-        terminal.finish();
-        let mut arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+        let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
 
         if let Some(preview) = &preview {
             pool.install(|| draw(&scene, &arrays, self.harmonics.order, preview))?;
@@ -118,7 +127,7 @@ impl Bake {
             provenance,
         });
         write(&self.output, &baked.in_phase(self.harmonics.phase())?)?;
-        Ok(())
+        Ok(self.run.discard_kept(&self.output)?)
     }
 }
 

@@ -4,12 +4,13 @@ use clap::Args;
 
 use crate::Error;
 use crate::bake::writers::{Format, Layout, check_target, npz};
-use crate::bake::{Provenance, Receivers, Request, flip_phase, integrate};
+use crate::bake::{Provenance, Receivers, Request, flip_phase};
 use crate::scene::{Scene, load_points};
 
 use super::Failure;
-use super::options::{HarmonicsOptions, LightOptions, MethodOptions, RunOptions, provenance, vertices};
-use super::terminal::Terminal;
+use super::method::MethodOptions;
+use super::options::{HarmonicsOptions, LightOptions, vertices};
+use super::run::{RunOptions, Work};
 
 /// Integrates visibility and light at any points
 #[derive(Args)]
@@ -24,6 +25,9 @@ pub struct Integrate {
     /// Receivers: .npy of N x 6, or text with six columns: position and unit normal [default: all vertices]
     #[arg(long, value_name = "FILE")]
     points: Option<PathBuf>,
+    /// Derivatives by the position as well: NAME_gradient beside occlusion, visibility and transfer vectors
+    #[arg(long)]
+    gradients: bool,
     #[command(flatten)]
     method: MethodOptions,
     #[command(flatten)]
@@ -42,18 +46,21 @@ Writes doubles, row i for point i:
 and with --environment
   irradiance [N, 3]             integral of L V max(0, n.w)
   vector_irradiance [N, 3, 3]   integral of L V [n.w > 0] w; colours, then axes
+and with --gradients (--method exact), per unit of length of the scene
+  ambient_occlusion_gradient [N, 3], visibility_sh_gradient and transfer_sh_gradient [N, order^2, 3]
 A point exactly on a face, an edge or a corner is not hidden by the faces that meet there.
 
 Examples:
   silhouette integrate bunny.obj -o bunny.npz
   silhouette integrate bunny.obj --points probes.npy --isolines 512 -o probes.npz
   silhouette integrate a.glb b.ply --environment sky.exr --up z --stats stats.json -o light.npz
+  silhouette integrate bunny.obj --points probes.npy --method exact --gradients -o probes.npz
   silhouette integrate bunny.obj --method qmc --samples 65536 -o judge.npz";
 
 impl Integrate {
     /// Integrates and writes the archive.
     pub fn run(&self) -> Result<(), Failure> {
-        let method = self.method.method()?;
+        let choice = self.method.choice_with(self.gradients)?;
         if Format::of(&self.output, Layout::Vertices)? != Format::Npz {
             return Err(Error::file(&self.output, "integrate writes .npz").into());
         }
@@ -67,11 +74,16 @@ impl Integrate {
             bent_normal: false,
             irradiance: lit,
             vector_irradiance: lit,
+            gradients: self.gradients,
         };
         let meshes = self.meshes.iter().map(|mesh| mesh.display().to_string()).collect::<Vec<_>>().join(", ");
         let points = self.points.as_ref().map_or("vertices".into(), |points| points.display().to_string());
-        let provenance = provenance(method).with("order", request.order).with("meshes", meshes).with("points", points);
-        let provenance = self.light.record(provenance);
+        let parameters = Provenance::default()
+            .with("order", request.order)
+            .with("meshes", meshes)
+            .with("points", points)
+            .with("gradients", self.gradients);
+        let parameters = self.light.record(parameters);
 
         let scene = Scene::from_meshes(&self.meshes)?;
         let environment = self.light.load()?;
@@ -82,16 +94,18 @@ impl Integrate {
             }
             None => vertices(&scene.geometry),
         };
-        let resumed = self.run.resumed(&self.output, &provenance)?;
-        let terminal = Terminal::new(self.run.quiet);
-        let outcome = self.run.pool()?.install(|| {
-            integrate(&scene.geometry, environment.as_ref(), &receivers, &request, method, resumed, &terminal)
-        });
-        terminal.finish();
-        let arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+        let work = Work {
+            geometry: &scene.geometry,
+            environment: environment.as_ref(),
+            receivers: &receivers,
+            request: &request,
+            choice,
+            parameters,
+        };
+        let (arrays, provenance) = self.run.integrate(&work, &self.output, &self.run.pool()?)?;
         let phase = self.harmonics.phase();
         let arrays = if phase == provenance.sh_phase { arrays } else { flip_phase(arrays, 1)? };
         npz::write(&self.output, &arrays, &Provenance { sh_phase: phase, ..provenance })?;
-        Ok(())
+        Ok(self.run.discard_kept(&self.output)?)
     }
 }

@@ -1,12 +1,19 @@
 //! The command line: one file per subcommand, no logic.
 
+mod animate;
 mod bake;
 mod compare;
 mod inspect;
 mod integrate;
 mod interrupt;
+mod judge;
+mod method;
 mod options;
+mod proxies;
+mod proxy_options;
+mod race;
 mod render;
+mod run;
 mod stress;
 mod terminal;
 
@@ -32,7 +39,11 @@ enum Command {
     Integrate(integrate::Integrate),
     Compare(compare::Compare),
     Inspect(inspect::Args),
+    Proxies(proxies::Proxies),
     Stress(stress::Stress),
+    Animate(Box<animate::Animate>),
+    Judge(judge::Judge),
+    Race(race::Race),
 }
 
 const EXAMPLES: &str = "\
@@ -75,7 +86,11 @@ pub fn run() -> ExitCode {
         Command::Integrate(integrate) => integrate.run(),
         Command::Compare(compare) => compare.run(),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Proxies(proxies) => proxies.run(),
         Command::Stress(stress) => stress.run(),
+        Command::Animate(animate) => animate.run(),
+        Command::Judge(judge) => judge.run(),
+        Command::Race(race) => race.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

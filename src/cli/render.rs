@@ -5,13 +5,14 @@ use clap::{Args, ValueEnum};
 use std::f64::consts::FRAC_1_PI;
 
 use crate::bake::writers::{Layout, check_target, write};
-use crate::bake::{Array, Baked, BakedImage, Pixels, Request, integrate};
+use crate::bake::{Array, Baked, BakedImage, Pixels, Provenance, Request};
 use crate::reference::RayScene;
 use crate::scene::Geometry;
 
 use super::Failure;
-use super::options::{LightOptions, MethodOptions, RunOptions, framing, provenance, scene};
-use super::terminal::Terminal;
+use super::method::MethodOptions;
+use super::options::{LightOptions, framing, scene};
+use super::run::{RunOptions, Work};
 
 /// Renders occlusion or direct light, pixel by pixel
 #[derive(Args)]
@@ -56,7 +57,7 @@ Examples:
 impl Render {
     /// Renders and writes the image.
     pub fn run(&self) -> Result<(), Failure> {
-        let method = self.method.method()?;
+        let choice = self.method.choice()?;
         if self.show == Some(Show::Occlusion) && self.light.environment.is_some() {
             return Err(Failure::Usage("--environment means nothing to --show occlusion".into()));
         }
@@ -73,15 +74,7 @@ impl Render {
             let message = "--show light needs an environment: name one by --environment or in the scene file";
             return Err(Failure::Usage(message.into()));
         }
-        let request = Request {
-            order: 1,
-            ambient_occlusion: !light,
-            visibility_sh: false,
-            transfer_sh: false,
-            bent_normal: false,
-            irradiance: light,
-            vector_irradiance: false,
-        };
+        let request = Request { order: 1, ambient_occlusion: !light, irradiance: light, ..Request::default() };
         let camera = match &scene.camera {
             Some(camera) => camera.clone(),
             None => framing(&scene.geometry)?,
@@ -97,22 +90,18 @@ impl Render {
         };
         let camera = camera.with_resolution(resolution)?;
         let name = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
-        let provenance = provenance(method)
+        let parameters = Provenance::default()
             .with("scene", name)
             .with("show", if light { "light" } else { "occlusion" })
             .with("width", resolution[0])
             .with("height", resolution[1]);
         let pool = self.run.pool()?;
         let pixels = pool.install(|| Pixels::new(&scene.geometry, &RayScene::new(&scene.geometry), &camera));
-        let provenance = self.light.record(provenance);
+        let parameters = self.light.record(parameters);
 
-        let resumed = self.run.resumed(&self.output, &provenance)?;
-        let terminal = Terminal::new(self.run.quiet);
-        let outcome = pool.install(|| {
-            integrate(&scene.geometry, environment, &pixels.receivers, &request, method, resumed, &terminal)
-        });
-        terminal.finish();
-        let mut arrays = self.run.conclude(outcome?, &self.output, &provenance)?;
+        let (geometry, receivers) = (&scene.geometry, &pixels.receivers);
+        let work = Work { geometry, environment, receivers, request: &request, choice, parameters };
+        let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
         if let Some(irradiance) = arrays.get("irradiance") {
             let radiance = reflected(&scene.geometry, &pixels.faces, irradiance);
             arrays.push(radiance)?;
@@ -120,7 +109,7 @@ impl Render {
         let [width, height] = camera.resolution().map(|side| side as usize);
         let image = BakedImage::from_rows(width, height, &pixels.indices, arrays, provenance)?;
         write(&self.output, &Baked::Image(image))?;
-        Ok(())
+        Ok(self.run.discard_kept(&self.output)?)
     }
 }
 

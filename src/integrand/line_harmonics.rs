@@ -1,113 +1,59 @@
-use std::f64::consts::SQRT_2;
+use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
+use crate::sphere::{Order, angle, index, rotate};
+use crate::visibility::{MeridianFrame, Meridians, Spans};
 
-use crate::sphere::{self, Order};
-use crate::visibility::{Interval, Isolines, cycle};
-
-/// Integrals of spherical harmonics over visible parts of u-isolines, in closed form.
+/// Integrals of spherical harmonics over the visible spans of meridians, in closed form.
 ///
-/// Inside one octant an isoline is a planar arc at distance h from the centre: w(t) = e1 cos t + e2 sin t, and the measure of
-/// the octahedral map along it is cos t dt / (sqrt2 h^2) du. A harmonic of band l times cos t is a trigonometric polynomial
-/// in t of degree l + 1 and of the parity of l + 1, so that its antiderivative is a combination of few functions of the
-/// ends: `[sin t, -cos t, sin 3t / 3, -cos 3t / 3, ...]` for even l, `[t, sin 2t / 2, -cos 2t / 2, ...]` for odd l.
-/// The combinations depend on the isoline alone; they are tabulated here for the octant x, y, z > 0, and reflections
-/// change signs.
+/// In the axes of the chart ([`Meridians`]) a harmonic is P_lm(v) times cos m u or sin m u. Its antiderivative along an
+/// isoline is, with c^2 = 1 - v^2, a polynomial in v for even m, and c times a polynomial in v plus a multiple of the
+/// latitude for odd m: so every visible span contributes the powers of v, their products with c, and the latitude at its
+/// ends, and all harmonics are linear combinations of the sums of these, weighted by cos m u and sin m u.
 ///
-/// Each isoline stands for a slab of width 2 / N in u. The combination of every whole octant arc is scaled to the slab's
-/// exact integral, so that the sphere as a whole is integrated exactly for any N, and errors arise only where visibility
-/// changes.
+/// All isolines have the same weight 2 pi / N. What is smooth in u, the whole hemisphere for instance, is periodic, and its error
+/// falls exponentially with N; errors arise where visibility changes.
 #[derive(Clone, Debug)]
 pub struct LineHarmonics {
     order: Order,
-    /// One table for each axis along which isolines may follow one another.
-    axes: [Axis; 3],
+    /// For every isoline and m: cos m u and sin m u, times 2 pi / N.
+    waves: Vec<[f64; 2]>,
+    /// For every l and m <= l the factors of the powers, and of the latitude.
+    antiderivatives: Vec<(Vec<f64>, f64)>,
+    /// From every frame's axes to the world's: the matrices of all bands, one after another, row-major.
+    rotations: [Vec<f64>; MeridianFrame::COUNT],
 }
 
-#[derive(Clone, Debug)]
-struct Axis {
-    rows: Vec<Row>,
-    /// `(band, parity class)` of every coefficient; bits: odd along the chart's x, y, z.
-    coefficients: Vec<(usize, usize)>,
+/// Working memory, and what the visible spans of a receiver add up to.
+#[derive(Clone, Debug, Default)]
+pub struct LineMoments {
+    /// Integrals of all harmonics, `order^2`, over the isolines of even and of odd number. Their sum is the integral; either,
+    /// doubled, is the integral with half as many isolines.
+    pub sets: [Vec<f64>; 2],
+    sines: Vec<f64>,
+    cosines: Vec<f64>,
+    latitudes: Vec<f64>,
 }
 
-/// Bands of the largest order and one more, for products with a cosine.
-const MOST_BANDS: usize = 11;
-
-/// The table of one |u|.
-#[derive(Clone, Debug)]
-struct Row {
-    arc: OctantArc,
-    /// Antiderivatives at the end |z| = 0 of the octant arc.
-    end: Box<[f64]>,
-    /// For each coefficient its `l + 2` factors, one after another.
-    factors: Box<[f64]>,
-}
-
-/// An isoline in the octant x, y, z > 0.
-#[derive(Clone, Copy, Debug)]
-struct OctantArc {
-    /// Distance of its plane line from the centre.
-    h: f64,
-    /// |y| + |z| along it, times sqrt2: its length.
-    length: f64,
-}
-
-impl OctantArc {
-    fn new(u: f64) -> Self {
-        let m = 1.0 - u;
-        Self { h: (u * u + 0.5 * m * m).sqrt(), length: m * SQRT_2 }
-    }
-
-    /// Antiderivatives where z = 0; where y = 0 they are mirrored.
-    fn end(self, order: Order) -> Vec<f64> {
-        let mut end = vec![0.0; terms(order)];
-        antiderivatives(order, self.angle(1.0), &mut end);
-        end
-    }
-
-    /// cos t and sin t at the fraction `f` = |y| / (|y| + |z|).
-    fn angle(self, f: f64) -> (f64, f64) {
-        let q = (f - 0.5) * self.length;
-        let r = (self.h * self.h + q * q).sqrt();
-        (self.h / r, q / r)
-    }
-}
-
-/// The antiderivatives at angle t: those of odd frequency, then those of even frequency.
-fn antiderivatives(order: Order, (cos, sin): (f64, f64), out: &mut [f64]) {
-    let odd = odd_terms(order);
-    let (odd, even) = out.split_at_mut(odd);
-    even[0] = 2.0 * (sin / (1.0 + cos)).atan();
-    let (mut c, mut s) = (cos, sin);
-    for k in 1..=order.bands() {
-        let pair = if k % 2 == 1 { &mut odd[k - 1..=k] } else { &mut even[k - 1..=k] };
-        pair[0] = s / k as f64;
-        pair[1] = -c / k as f64;
-        (c, s) = (c * cos - s * sin, s * cos + c * sin);
-    }
-}
-
-/// Number of antiderivatives of odd frequency up to that of the last band times cos t.
-fn odd_terms(order: Order) -> usize {
-    order.bands().div_ceil(2) * 2
-}
-
-fn terms(order: Order) -> usize {
-    2 * order.bands() + 1
-}
-
-/// Bits: odd along the axis numbered `axis` and along the two that follow it.
-fn parity(l: usize, m: isize, axis: usize) -> usize {
-    let odd = |n: isize| n.rem_euclid(2) == 1;
-    let along = [(m < 0) != odd(m), m < 0, odd(l as isize + m)];
-    (0..3).fold(0, |bits, i| bits | usize::from(along[(axis + i) % 3]) << i)
+/// Sums over isolines of one kind, by m, cosine and sine: of W powers, and of the latitude.
+struct Sums<const W: usize> {
+    powers: [[[f64; W]; 2]; W],
+    latitudes: [[f64; 2]; W],
 }
 
 impl LineHarmonics {
     /// Tables for all bands of `order` along these isolines.
-    pub fn new(order: Order, isolines: &Isolines) -> Self {
-        Self { order, axes: [0, 1, 2].map(|axis| Axis::new(order, isolines, axis)) }
+    pub fn new(order: Order, meridians: &Meridians) -> Self {
+        let (bands, lines) = (order.bands(), meridians.len());
+        let wave = |line: usize, m: usize| {
+            let (sin, cos) = (m as f64 * meridians.u(line)).sin_cos();
+            [cos, sin].map(|x| x * TAU / lines as f64)
+        };
+        Self {
+            order,
+            waves: (0..lines).flat_map(|line| (0..bands).map(move |m| wave(line, m))).collect(),
+            antiderivatives: (0..bands).flat_map(|l| (0..=l).map(move |m| antiderivative(l, m, bands))).collect(),
+            rotations: std::array::from_fn(|octant| rotation(order, MeridianFrame::of_octant(octant))),
+        }
     }
 
     /// The bands integrated.
@@ -115,292 +61,275 @@ impl LineHarmonics {
         self.order
     }
 
-    fn rows(&self) -> usize {
-        self.axes[0].rows.len()
-    }
-}
-
-impl Axis {
-    fn new(order: Order, isolines: &Isolines, axis: usize) -> Self {
-        let half = isolines.len() / 2;
-        let width = 2.0 / isolines.len() as f64;
-        // Slabs are narrow and what is integrated over them is analytic: the last bits for any number of isolines.
-        let nodes = if half < 32 { 48 } else { 8 };
-        let rule = sphere::gauss_legendre(nodes);
-        let coefficients: Vec<_> = (0..order.bands())
-            .flat_map(|l| (-(l as isize)..=l as isize).map(move |m| (l, parity(l, m, axis))))
-            .collect();
-        let whole = |factors: &[f64], end: &[f64]| -> Vec<f64> {
-            let mut arc = vec![0.0; end.len()];
-            whole_arc(order, end, &mut arc);
-            let own = coefficients.iter().scan(factors, |rest, &(l, _)| rest.split_off(..l + 2).map(|own| (l, own)));
-            own.map(|(l, own)| dot(own, group(order, &arc, l))).collect()
-        };
-        let rows = (0..half).map(|row| {
-            let u = isolines.u(half + row);
-            let arc = OctantArc::new(u);
-            let end = arc.end(order);
-            let mut factors = octant_factors(order, &coefficients, axis, u);
-            factors.iter_mut().for_each(|f| *f *= width);
-            let mut missed: Vec<f64> = whole(&factors, &end).iter().map(|line| -line).collect();
-            for &(x, weight) in &rule {
-                let u = u + 0.5 * width * x;
-                let slab = whole(&octant_factors(order, &coefficients, axis, u), &OctantArc::new(u).end(order));
-                missed.iter_mut().zip(slab).for_each(|(missed, slab)| *missed += 0.5 * width * weight * slab);
-            }
-            // What the midpoint misses goes to the first antiderivative: it grows along the arc from end to end.
-            let mut rest = &mut factors[..];
-            for (missed, &(l, _)) in missed.iter().zip(&coefficients) {
-                let (own, others) = rest.split_at_mut(l + 2);
-                own[0] += missed / (2.0 * group(order, &end, l)[0]);
-                rest = others;
-            }
-            Row { arc, end: end.into(), factors: factors.into() }
-        });
-        Self { rows: rows.collect(), coefficients }
-    }
-}
-
-/// Factors of every coefficient per unit of u, at `u` >= 0: the trigonometric polynomials, sampled and transformed.
-fn octant_factors(order: Order, coefficients: &[(usize, usize)], axis: usize, u: f64) -> Vec<f64> {
-    let OctantArc { h, .. } = OctantArc::new(u);
-    let m = 1.0 - u;
-    let (e1, e2) = (DVec3::new(u, 0.5 * m, 0.5 * m) / h, DVec3::new(0.0, 1.0, -1.0) / SQRT_2);
-    let samples = terms(order) + 1;
-    let mut sampled = vec![0.0; samples * order.len()];
-    let angle = |s: usize| std::f64::consts::TAU * s as f64 / samples as f64;
-    for (s, values) in sampled.chunks_mut(order.len()).enumerate() {
-        let (sin, cos) = angle(s).sin_cos();
-        sphere::evaluate(order, cycle(e1 * cos + e2 * sin, (3 - axis) % 3), values);
-        values.iter_mut().for_each(|v| *v *= cos / (SQRT_2 * h * h));
-    }
-    let waves: Vec<Vec<(f64, f64)>> =
-        (0..=order.bands()).map(|k| (0..samples).map(|s| (k as f64 * angle(s)).sin_cos()).collect()).collect();
-    let mut factors = Vec::new();
-    for (i, &(l, _)) in coefficients.iter().enumerate() {
-        for k in ((l + 1) % 2..=l + 1).step_by(2) {
-            let (mut sine, mut cosine) = (0.0, 0.0);
-            for (s, (sin, cos)) in waves[k].iter().enumerate() {
-                sine += sampled[s * order.len() + i] * sin;
-                cosine += sampled[s * order.len() + i] * cos;
-            }
-            let scale = 2.0 / samples as f64;
-            match k {
-                0 => factors.push(0.5 * scale * cosine),
-                _ => factors.extend([scale * cosine, scale * sine]),
+    /// Turns harmonics from the axes of a frame to the world's, and adds them to `out`.
+    pub fn turn(&self, frame: MeridianFrame, harmonics: &[f64], out: &mut [f64]) {
+        let mut matrices = &*self.rotations[frame.octant()];
+        for l in 0..self.order.bands() {
+            let band = l * l..(l + 1) * (l + 1);
+            for out in &mut out[band.clone()] {
+                let (row, rest) = matrices.split_at(2 * l + 1);
+                *out += row.iter().zip(&harmonics[band.clone()]).map(|(m, f)| m * f).sum::<f64>();
+                matrices = rest;
             }
         }
     }
-    factors
-}
 
-/// The antiderivatives that band `l` needs.
-fn group(order: Order, values: &[f64], l: usize) -> &[f64] {
-    let start = if l.is_multiple_of(2) { 0 } else { odd_terms(order) };
-    &values[start..start + l + 2]
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Differences of the antiderivatives over a whole octant arc, from t = -T to T: sines double, cosines cancel.
-fn whole_arc(order: Order, end: &[f64], out: &mut [f64]) {
-    let odd = odd_terms(order);
-    for (i, (out, end)) in out.iter_mut().zip(end).enumerate() {
-        let sine = if i < odd { i % 2 == 0 } else { i == odd || (i - odd) % 2 == 1 };
-        *out = if sine { 2.0 * end } else { 0.0 };
-    }
-}
-
-/// What one receiver's visible intervals add up to, before the harmonics' factors are applied.
-#[derive(Clone, Debug)]
-pub struct LineMoments {
-    /// Differences of antiderivatives, by |u|, octant and antiderivative.
-    sums: Vec<f64>,
-    touched: Vec<bool>,
-}
-
-impl LineMoments {
-    /// Nothing seen yet.
-    pub fn new(table: &LineHarmonics) -> Self {
-        let rows = table.rows();
-        Self { sums: vec![0.0; rows * 8 * terms(table.order)], touched: vec![false; rows] }
-    }
-
-    /// Adds a visible interval.
-    pub fn add(&mut self, table: &LineHarmonics, interval: Interval) {
-        const MOST: usize = 2 * MOST_BANDS + 1;
-        let half = table.rows();
-        let (row, behind) = match interval.line.checked_sub(half) {
-            Some(row) => (row, 0),
-            None => (half - 1 - interval.line, 1),
-        };
-        let octant = behind | [0b000, 0b100, 0b110, 0b010][interval.quadrant];
-        let (from, to) = match interval.quadrant % 2 {
-            0 => (interval.from, interval.to),
-            _ => (1.0 - interval.to, 1.0 - interval.from),
-        };
-        let terms = terms(table.order);
-        // All axes have the same arcs.
-        let table_row = &table.axes[0].rows[row];
-        self.touched[row] = true;
-        let sums = &mut self.sums[(row * 8 + octant) * terms..][..terms];
-        let mut buffer = [0.0; MOST];
-        let values = &mut buffer[..terms];
-        if from == 0.0 && to == 1.0 {
-            whole_arc(table.order, &table_row.end, values);
-            sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += *v);
-            return;
+    /// Integrates over the visible spans, in the axes of the chart.
+    pub fn integrate(&self, spans: &Spans, moments: &mut LineMoments) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.integrate_avx2(spans, moments) };
         }
-        for (fraction, sign) in [(to, 1.0), (from, -1.0)] {
-            antiderivatives(table.order, table_row.arc.angle(fraction), values);
-            sums.iter_mut().zip(&*values).for_each(|(sum, v)| *sum += sign * v);
+        self.integrate_inline(spans, moments);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn integrate_avx2(&self, spans: &Spans, moments: &mut LineMoments) {
+        self.integrate_inline(spans, moments);
+    }
+
+    #[inline(always)]
+    fn integrate_inline(&self, spans: &Spans, moments: &mut LineMoments) {
+        moments.resolve(spans.ends());
+        for values in &mut moments.sets {
+            values.clear();
+            values.resize(self.order.len(), 0.0);
+        }
+        match self.order.bands() {
+            ..=4 => self.sum::<4>(spans, moments),
+            5..=8 => self.sum::<8>(spans, moments),
+            _ => self.sum::<12>(spans, moments),
         }
     }
 
-    /// Adds the integrals of all harmonics over the isolines of even and of odd number to the two of `out` (`order^2`
-    /// values each), and forgets the intervals, whose isolines follow one another along the axis numbered `axis`.
-    ///
-    /// Their sum is the integral; either set, doubled, is the integral with half as many isolines.
-    pub fn finish(&mut self, table: &LineHarmonics, axis: usize, out: [&mut [f64]; 2]) {
-        let Axis { rows, coefficients } = &table.axes[axis];
-        let terms = terms(table.order);
-        for (row, block) in self.sums.chunks_mut(8 * terms).enumerate() {
-            if !std::mem::take(&mut self.touched[row]) {
-                continue;
+    #[inline(always)]
+    fn sum<const W: usize>(&self, spans: &Spans, moments: &mut LineMoments) {
+        let bands = self.order.bands();
+        let mut sets = [Sums::<W>::ZERO, Sums::<W>::ZERO];
+        for (line, waves) in self.waves.chunks_exact(bands).enumerate() {
+            let (mut even, mut odd, mut latitude) = ([0.0; W], [0.0; W], 0.0);
+            let mut sign = -1.0;
+            for end in spans.of(line) {
+                let (v, c) = (moments.sines[end], moments.cosines[end]);
+                let mut power = sign;
+                for j in 0..W {
+                    odd[j] += c * power;
+                    power *= v;
+                    even[j] += power;
+                }
+                latitude += sign * moments.latitudes[end];
+                sign = -sign;
             }
-            // Reflections along y and z; along x they lead from a line of one set to one of the other.
-            for bit in [2, 4] {
-                for octant in (0..8).filter(|octant| octant & bit == 0) {
-                    for k in 0..terms {
-                        let (a, b) = (block[octant * terms + k], block[(octant | bit) * terms + k]);
-                        block[octant * terms + k] = a + b;
-                        block[(octant | bit) * terms + k] = a - b;
+            sets[line % 2].add(waves, &even, &odd, latitude);
+        }
+        for (sums, out) in sets.iter().zip(&mut moments.sets) {
+            let mut rows = self.antiderivatives.iter();
+            for l in 0..bands {
+                for (m, (factors, slope)) in (0..=l).zip(&mut rows) {
+                    // The sine of m = 0 is overwritten.
+                    for (wave, at) in [index(l, m as isize), index(l, -(m as isize))].into_iter().enumerate().rev() {
+                        let powers = sums.powers[m][wave].iter().zip(factors);
+                        let powers: f64 = powers.map(|(sum, factor)| sum * factor).sum();
+                        out[at] = powers + slope * sums.latitudes[m][wave];
                     }
                 }
             }
-            let mut factors = &*rows[row].factors;
-            let set = (rows.len() + row) % 2;
-            for (i, &(l, parity)) in coefficients.iter().enumerate() {
-                let (own, rest) = factors.split_at(l + 2);
-                let side = |octant: usize| dot(own, group(table.order, &block[octant * terms..][..terms], l));
-                let sign = if parity & 1 == 0 { 1.0 } else { -1.0 };
-                out[set][i] += side(parity & 0b110);
-                out[1 - set][i] += sign * side(parity | 1);
-                factors = rest;
-            }
-            block.fill(0.0);
         }
     }
+}
+
+impl LineMoments {
+    /// Sines and cosines of the latitudes, and these themselves, from their tangents.
+    #[inline(always)]
+    fn resolve(&mut self, tangents: &[f64]) {
+        let count = tangents.len();
+        for values in [&mut self.sines, &mut self.cosines, &mut self.latitudes] {
+            values.resize(count, 0.0);
+        }
+        let (sines, cosines) = (&mut self.sines[..count], &mut self.cosines[..count]);
+        let latitudes = &mut self.latitudes[..count];
+        for i in 0..count {
+            let tangent = tangents[i];
+            let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
+            cosines[i] = cosine;
+            sines[i] = tangent * cosine;
+            latitudes[i] = angle(1.0, tangent.abs()).copysign(tangent);
+        }
+    }
+}
+
+impl<const W: usize> Sums<W> {
+    const ZERO: Self = Self { powers: [[[0.0; W]; 2]; W], latitudes: [[0.0; 2]; W] };
+
+    /// Adds an isoline: the powers of v and their products with c.
+    #[inline(always)]
+    fn add(&mut self, waves: &[[f64; 2]], even: &[f64; W], odd: &[f64; W], latitude: f64) {
+        for (m, waves) in waves.iter().enumerate().take(W) {
+            let powers = if m % 2 == 0 { even } else { odd };
+            for (wave, factor) in waves.iter().enumerate() {
+                for j in 0..W {
+                    self.powers[m][wave][j] += factor * powers[j];
+                }
+                self.latitudes[m][wave] += factor * latitude;
+            }
+        }
+    }
+}
+
+/// The matrices of all bands that turn harmonics from the axes of a frame to the world's.
+fn rotation(order: Order, frame: MeridianFrame) -> Vec<f64> {
+    let columns: Vec<Vec<f64>> = (0..order.len())
+        .map(|i| {
+            let (mut unit, mut column) = (vec![0.0; order.len()], vec![0.0; order.len()]);
+            unit[i] = 1.0;
+            rotate(order, frame.axes(), &unit, &mut column);
+            column
+        })
+        .collect();
+    let bands = (0..order.bands()).map(|l| l * l..(l + 1) * (l + 1));
+    let places = bands.flat_map(|band| band.clone().flat_map(move |i| band.clone().map(move |j| (i, j))));
+    places.map(|(i, j)| columns[j][i]).collect()
+}
+
+/// The antiderivative of P_lm(v), normalised as the harmonics are: for even m the factors of v, v^2, .., for odd m those of
+/// c, c v, c v^2, .. and that of the latitude.
+fn antiderivative(l: usize, m: usize, bands: usize) -> (Vec<f64>, f64) {
+    let integrand = legendre(l, m);
+    let mut factors = vec![0.0; bands];
+    if m.is_multiple_of(2) {
+        factors.iter_mut().zip(&integrand).enumerate().for_each(|(k, (factor, x))| *factor = x / (k + 1) as f64);
+        return (factors, 0.0);
+    }
+    // With K_k the integral of c v^k: (k + 2) K_k = (k - 1) K_(k-2) - c^3 v^(k-1), K_0 = (c v + latitude) / 2.
+    let mut slope = 0.0;
+    for (k, &x) in integrand.iter().enumerate() {
+        let (mut k, mut x) = (k, x);
+        while k > 0 {
+            let part = x / (k + 2) as f64;
+            factors[k - 1] -= part;
+            factors[k + 1] += part;
+            if k == 1 {
+                break;
+            }
+            x = part * (k - 1) as f64;
+            k -= 2;
+        }
+        if k == 0 {
+            factors[1] += 0.5 * x;
+            slope += 0.5 * x;
+        }
+    }
+    (factors, slope)
+}
+
+/// P_lm, normalised as the harmonics are, as a polynomial in v; for odd m times c.
+fn legendre(l: usize, m: usize) -> Vec<f64> {
+    let multiply = |p: &[f64], q: &[f64]| {
+        let mut product = vec![0.0; p.len() + q.len() - 1];
+        for (i, p) in p.iter().enumerate() {
+            q.iter().enumerate().for_each(|(j, q)| product[i + j] += p * q);
+        }
+        product
+    };
+    let sides = if m == 0 { 1.0 } else { 2.0 };
+    let norm = (l - m + 1..=l + m).fold(sides * (2 * l + 1) as f64 / (4.0 * PI), |x, k| x / k as f64).sqrt();
+    let (mut below, mut p) = (vec![0.0], vec![(0..m).fold(norm, |x, k| x * (2 * k + 1) as f64)]);
+    for k in m..l {
+        let mut next = multiply(&p, &[0.0, (2 * k + 1) as f64]);
+        next.iter_mut().zip(&below).for_each(|(next, x)| *next -= (k + m) as f64 * x);
+        next.iter_mut().for_each(|x| *x /= (k + 1 - m) as f64);
+        (below, p) = (p, next);
+    }
+    (0..m / 2).fold(p, |p, _| multiply(&p, &[1.0, 0.0, -1.0]))
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
-    use crate::sphere::gauss_legendre;
+    use crate::sphere::{evaluate, gauss_legendre, hemisphere};
 
     fn orders() -> impl Iterator<Item = Order> {
-        [1, 2, 4, 8, 10].into_iter().map(|bands| Order::new(bands).unwrap())
+        [1, 2, 3, 4, 5, 8, 10].into_iter().map(|bands| Order::new(bands).unwrap()).chain([Order::MAX.raised()])
     }
 
-    fn integrate(table: &LineHarmonics, axis: usize, intervals: impl IntoIterator<Item = Interval>) -> Vec<f64> {
-        let mut moments = LineMoments::new(table);
-        intervals.into_iter().for_each(|interval| moments.add(table, interval));
-        let mut sets = [(); 2].map(|()| vec![0.0; table.order().len()]);
-        let [even, odd] = &mut sets;
-        moments.finish(table, axis, [even, odd]);
-        sets[0].iter().zip(&sets[1]).map(|(even, odd)| even + odd).collect()
+    fn sum(moments: &LineMoments) -> Vec<f64> {
+        let [even, odd] = &moments.sets;
+        even.iter().zip(odd).map(|(even, odd)| even + odd).collect()
     }
 
+    /// The error falls with the power N of the tangent of half the pole's distance from the normal.
     #[test]
-    fn the_whole_sphere_is_exact_for_any_number_of_isolines() {
+    fn hemispheres_are_as_good_as_exact() {
+        let meridians = Meridians::new(96).unwrap();
         for order in orders() {
-            for lines in [2, 6, 64] {
-                let isolines = Isolines::new(lines).unwrap();
-                let table = LineHarmonics::new(order, &isolines);
-                let all = (0..4 * lines).map(|i| Interval { line: i / 4, quadrant: i % 4, from: 0.0, to: 1.0 });
-                for (i, value) in integrate(&table, lines % 3, all).into_iter().enumerate() {
-                    let expected = if i == 0 { (4.0 * std::f64::consts::PI).sqrt() } else { 0.0 };
-                    assert!((value - expected).abs() < 1e-13, "{order:?} {lines} {i} {value}");
+            let table = LineHarmonics::new(order, &meridians);
+            for normal in [DVec3::Y, DVec3::NEG_X, DVec3::new(0.6, 0.0, -0.8)] {
+                let frame = MeridianFrame::facing(Some(normal), false);
+                let n = frame.axes().transpose() * normal;
+                let horizon = |line: usize| {
+                    let (sin, cos) = meridians.u(line).sin_cos();
+                    (n.x * cos + n.y * sin) / -n.z
+                };
+                let spans: Vec<_> = (0..96).map(|line| [(-Spans::POLE, horizon(line))]).collect();
+                let spans = Spans::new(&spans.iter().map(|line| &line[..]).collect::<Vec<_>>());
+                let mut moments = LineMoments::default();
+                table.integrate(&spans, &mut moments);
+                let mut turned = vec![0.0; order.len()];
+                table.turn(frame, &sum(&moments), &mut turned);
+                for (i, (value, expected)) in turned.iter().zip(hemisphere(order, normal)).enumerate() {
+                    assert!((value - expected).abs() < 1e-12, "{order:?} {normal} {i} {value} {expected}");
                 }
             }
         }
     }
 
-    /// Quadrature of y along an interval with the octahedral map's density (u^2 + v^2 + (1-|u|-|v|)^2)^(-3/2).
-    fn quadrature(order: Order, isolines: &Isolines, axis: usize, interval: Interval) -> Vec<f64> {
-        let corners = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
-        let u = isolines.u(interval.line);
-        let m = 1.0 - u.abs();
-        let mut out = vec![0.0; order.len()];
-        let mut y = vec![0.0; order.len()];
-        for (x, weight) in gauss_legendre(40) {
-            let f = interval.from + (interval.to - interval.from) * 0.5 * (x + 1.0);
-            let p = DVec3::X * u + m * corners[interval.quadrant].lerp(corners[interval.quadrant + 1], f);
-            sphere::evaluate(order, cycle(p.normalize(), (3 - axis) % 3), &mut y);
-            let weight = 0.5 * weight * (interval.to - interval.from) * m * p.length().powi(-3);
-            out.iter_mut().zip(&y).for_each(|(out, y)| *out += weight * y * 2.0 / isolines.len() as f64);
-        }
-        out
-    }
-
     #[test]
-    fn intervals_agree_with_quadrature_up_to_the_slab_correction() {
-        // The correction is that of the midpoint rule in u: 2^-k lines shrink it by 4^-k, what is left by 16^-k.
-        let error = |lines: usize| {
-            let isolines = Isolines::new(lines).unwrap();
-            let order = Order::new(8).unwrap();
-            let table = LineHarmonics::new(order, &isolines);
-            let mut worst = 0.0f64;
-            for quadrant in 0..4 {
-                for (line, from, to) in [(lines / 8, 0.1, 0.4), (lines / 2, 0.0, 0.7), (lines - lines / 4, 0.55, 1.0)] {
-                    let interval = Interval { line, quadrant, from, to };
-                    let (a, b) = (
-                        integrate(&table, quadrant % 3, [interval]),
-                        quadrature(order, &isolines, quadrant % 3, interval),
-                    );
-                    worst = a.iter().zip(&b).fold(worst, |w, (a, b)| w.max((a - b).abs()));
+    fn spans_are_integrated_exactly() {
+        let meridians = Meridians::new(12).unwrap();
+        for order in orders() {
+            let table = LineHarmonics::new(order, &meridians);
+            for (line, spans) in [
+                (0, vec![(-0.7, 0.3)]),
+                (5, vec![(-Spans::POLE, -1e-3), (0.4, 7.0)]),
+                (11, vec![(-900.0, -4.0), (-1.0, 0.0), (2.5, Spans::POLE)]),
+            ] {
+                let mut moments = LineMoments::default();
+                let all: Vec<&[(f64, f64)]> = (0..12).map(|i| if i == line { &spans[..] } else { &[] }).collect();
+                table.integrate(&Spans::new(&all), &mut moments);
+                let mut expected = vec![0.0; order.len()];
+                let mut y = vec![0.0; order.len()];
+                for &(from, to) in &spans {
+                    let (a, b) = (f64::atan(from), f64::atan(to));
+                    for (s, weight) in gauss_legendre(40) {
+                        let (v, c) = (0.5 * (a + b) + 0.5 * (b - a) * s).sin_cos();
+                        let (sin, cos) = meridians.u(line).sin_cos();
+                        evaluate(order, DVec3::new(c * cos, c * sin, v), &mut y);
+                        let weight = 0.5 * (b - a) * c * TAU / 12.0 * weight;
+                        expected.iter_mut().zip(&y).for_each(|(sum, y)| *sum += weight * y);
+                    }
+                }
+                for (i, (value, expected)) in sum(&moments).iter().zip(&expected).enumerate() {
+                    assert!((value - expected).abs() < 1e-13, "{order:?} {line} {i} {value} {expected}");
                 }
             }
-            worst * lines as f64
-        };
-        let (coarse, fine) = (error(64), error(1024));
-        assert!(fine < 2e-5, "{fine}");
-        let slope = (coarse / fine).log2() / 4.0;
-        assert!((1.9..2.1).contains(&slope), "{slope}");
-    }
-
-    #[test]
-    fn intervals_add_up() {
-        let isolines = Isolines::new(10).unwrap();
-        let table = LineHarmonics::new(Order::new(6).unwrap(), &isolines);
-        for line in 0..10 {
-            for quadrant in 0..4 {
-                let part = |from, to| Interval { line, quadrant, from, to };
-                let whole = integrate(&table, 1, [part(0.0, 1.0)]);
-                let parts = integrate(&table, 1, [part(0.0, 0.3), part(0.8, 1.0), part(0.3, 0.8)]);
-                assert!(whole.iter().zip(&parts).all(|(a, b)| (a - b).abs() < 1e-15));
-            }
         }
     }
 
     #[test]
-    fn one_receiver_leaves_nothing_behind_for_the_next_and_a_line_belongs_to_one_set() {
-        let isolines = Isolines::new(4).unwrap();
-        let table = LineHarmonics::new(Order::new(3).unwrap(), &isolines);
-        let mut moments = LineMoments::new(&table);
-        for line in 0..4 {
-            let interval = Interval { line, quadrant: 1, from: 0.2, to: 0.9 };
-            let mut sets = [(); 4].map(|()| vec![0.0; 9]);
-            let [even, odd, even_again, odd_again] = &mut sets;
-            moments.add(&table, interval);
-            moments.finish(&table, 0, [even, odd]);
-            moments.add(&table, interval);
-            moments.finish(&table, 0, [even_again, odd_again]);
-            assert_eq!(sets[..2], sets[2..]);
-            assert_ne!(sets[line % 2], vec![0.0; 9]);
-            assert_eq!(sets[1 - line % 2], vec![0.0; 9]);
+    fn the_portable_sums_are_the_same_bits() {
+        let meridians = Meridians::new(6).unwrap();
+        let spans: Vec<(f64, f64)> = (0..7).map(|i| (f64::from(i) - 3.1, f64::from(i) - 2.6)).collect();
+        let spans = Spans::new(&[&spans[..3], &spans[1..2], &[], &spans[..], &spans[4..], &[]]);
+        for order in orders() {
+            let table = LineHarmonics::new(order, &meridians);
+            let (mut one, mut other) = (LineMoments::default(), LineMoments::default());
+            table.integrate(&spans, &mut one);
+            table.integrate_inline(&spans, &mut other);
+            assert_eq!(one.sets, other.sets);
         }
     }
 }

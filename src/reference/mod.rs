@@ -1,6 +1,9 @@
 //! Independent judges: quasi-Monte Carlo by ray casting.
 
 mod crossing;
+#[cfg(feature = "embree")]
+mod embree;
+mod embree_variant;
 #[cfg(test)]
 mod fixtures;
 mod pixel_distribution;
@@ -9,6 +12,9 @@ mod rays;
 mod request;
 mod sobol;
 
+#[cfg(feature = "embree")]
+pub use embree::{EmbreeMemory, EmbreeQmc, EmbreeScene};
+pub use embree_variant::{EmbreeKernel, EmbreeQuality, EmbreeVariant};
 pub use pixel_distribution::PixelDistribution;
 pub use qmc::Qmc;
 pub use rays::{Hit, RayScene};

@@ -15,8 +15,7 @@ use crate::{
 
 /// How many rays are cast, and which.
 ///
-/// The samples of a receiver are split over R independent randomisations of the Sobol sequence: R = [`Qmc::RANDOMISATIONS`],
-/// more beyond [`Sobol::LENGTH`] points each. The value is the mean over the randomisations and its standard error the
+/// The samples of a receiver are split over R = [`Qmc::RANDOMISATIONS`] independent randomisations of the Sobol sequence. The value is the mean over the randomisations and its standard error the
 /// spread of their means over sqrt(R); with few randomisations that estimate itself is uncertain (Student's t with R - 1
 /// degrees of freedom, and zero where all randomisations
 /// happen to agree, as they do about occluders too small to be met by any). Where the visible region has edges the error falls like the -3/4th power of the samples, without the split
@@ -53,20 +52,17 @@ struct Integrand<'a> {
 }
 
 impl Qmc {
-    /// The least number of independent randomisations a receiver's samples are split over.
+    /// Independent randomisations that a receiver's samples are split over.
     pub const RANDOMISATIONS: u32 = 8;
 
-    /// Randomisations, and points in each: powers of two.
-    fn split(&self) -> (u32, u32) {
-        let samples = u64::from(self.samples).next_power_of_two().max(Self::RANDOMISATIONS.into());
-        let points = (samples / u64::from(Self::RANDOMISATIONS)).min(Sobol::LENGTH.into());
-        ((samples / points) as u32, points as u32)
+    /// Points in each randomisation: a power of two.
+    fn points(&self) -> u32 {
+        (self.rounded_samples() / u64::from(Self::RANDOMISATIONS)) as u32
     }
 
     /// Directions cast per receiver: `samples` rounded up.
     pub fn rounded_samples(&self) -> u64 {
-        let (randomisations, points) = self.split();
-        u64::from(randomisations) * u64::from(points)
+        u64::from(self.samples).next_power_of_two().max(Self::RANDOMISATIONS.into())
     }
 
     /// Estimates of all `receivers`, on all threads; the same bits for any number of them.
@@ -109,7 +105,7 @@ impl Qmc {
         let integrand = Integrand::new(*receiver, request);
         let len = integrand.columns.len();
         assert!(values.len() == len && errors.len() == len);
-        let (randomisations, points) = self.split();
+        let (randomisations, points) = (Self::RANDOMISATIONS, self.points());
         let key = hash(hash(self.seed) ^ index as u32);
         let mut means = vec![0.0; randomisations as usize * len];
         for (randomisation, row) in (0..randomisations).zip(means.chunks_exact_mut(len)) {
@@ -502,11 +498,8 @@ mod tests {
 
     #[test]
     fn samples_are_rounded_up_and_split() {
-        let split = |samples| Qmc { samples, seed: 0 }.split();
-        assert_eq!(split(0), (8, 1));
-        assert_eq!(split(1000), (8, 128));
-        assert_eq!(split(1 << 19), (8, 1 << 16));
-        assert_eq!(split(1 << 20), (16, 1 << 16));
+        let points = |samples| Qmc { samples, seed: 0 }.points();
+        assert_eq!([0, 1000, 1 << 20].map(points), [1, 128, 1 << 17]);
         assert_eq!(Qmc { samples: u32::MAX, seed: 0 }.rounded_samples(), 1 << 32);
     }
 

@@ -45,6 +45,9 @@ struct Node {
     count: [u32; 2],
 }
 
+/// Most faces in a leaf: their test costs more than a box's.
+const LEAF_FACES: u32 = 4;
+
 /// A box that no ray meets.
 const NOWHERE: [[f32; 3]; 2] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
@@ -62,7 +65,7 @@ impl RayScene {
             return Self { nodes: Vec::new(), triangles: Vec::new() };
         }
         let bounds: Vec<_> = faces.iter().map(|face| face.bounds()).collect();
-        Self::adopt(&grow_tree(&bounds).0, &faces)
+        Self::adopt(&grow_tree(bounds, LEAF_FACES).0, &faces)
     }
 
     /// Lays the tree out in depth-first order, children in pairs.

@@ -1,13 +1,13 @@
 //! Owen-scrambled Sobol points in the unit square.
 
-use sobol_burley::parts::{hash, owen_scramble_rev, sobol_rev};
+use sobol_burley::parts::{hash, owen_scramble_rev};
 
 /// One randomisation of the first two Sobol dimensions: a (0, 2)-sequence, so that every power-of-two prefix has one point
 /// in each elementary interval of its size.
 ///
-/// Scrambling is by hash (Burley 2020, with the direction numbers and the hash of the crate `sobol_burley`). Points with
-/// different seeds are independent; each point alone is uniform over the square. Coordinates carry 32 bits and are the
-/// middles of their cells, never 0 nor 1.
+/// Scrambling is by hash (Burley 2020, with the hash of the crate `sobol_burley`). Points with different seeds are
+/// independent; each point alone is uniform over the square. Coordinates carry 32 bits and are the middles of their cells,
+/// never 0 nor 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Sobol {
     scrambles: [u32; 2],
@@ -15,7 +15,7 @@ pub struct Sobol {
 
 impl Sobol {
     /// Points in a sequence: beyond them use further seeds.
-    pub const LENGTH: u32 = 1 << 16;
+    pub const LENGTH: u32 = 1 << 31;
 
     /// The randomisation number `seed`.
     pub fn new(seed: u32) -> Self {
@@ -26,12 +26,20 @@ impl Sobol {
 
     /// Point number `index`, below [`Sobol::LENGTH`].
     pub fn point(&self, index: u32) -> [f64; 2] {
-        let index = index.reverse_bits();
+        let digits = [index, pascal(index)];
         [0, 1].map(|dimension| {
-            let bits = owen_scramble_rev(sobol_rev(index, dimension), self.scrambles[dimension as usize]);
+            let bits = owen_scramble_rev(digits[dimension], self.scrambles[dimension]);
             (f64::from(bits.reverse_bits()) + 0.5) / 4_294_967_296.0
         })
     }
+}
+
+/// The second dimension's coordinate of point `index`, its binary digits in reverse like the index itself, which is the first
+/// dimension's. Its generator matrix is Pascal's triangle modulo 2, where entry (n, m) is 1 if the bits of m are among those
+/// of n (Lucas 1878): sums over supersets, one bit of the numbers n and m at a time.
+fn pascal(index: u32) -> u32 {
+    const CLEAR: [u32; 5] = [0x5555_5555, 0x3333_3333, 0x0f0f_0f0f, 0x00ff_00ff, 0x0000_ffff];
+    (0..5).fold(index, |x, bit| x ^ ((x >> (1 << bit)) & CLEAR[bit]))
 }
 
 #[cfg(test)]
@@ -57,6 +65,15 @@ mod tests {
     }
 
     #[test]
+    fn points_are_those_of_joe_and_kuo() {
+        use sobol_burley::parts::sobol_rev;
+        for index in 0..1 << 16 {
+            let reversed = u32::reverse_bits(index);
+            assert_eq!([index, pascal(index)], [0, 1].map(|dimension| sobol_rev(reversed, dimension)));
+        }
+    }
+
+    #[test]
     fn a_single_point_is_uniform_over_the_seeds() {
         // Bits of point 5 over 4096 seeds: each set half of the time, pairs of bits a quarter, to 5 standard deviations.
         let count = 4096;
@@ -77,7 +94,7 @@ mod tests {
 
     #[test]
     fn coordinates_are_middles_of_cells() {
-        for k in 0..Sobol::LENGTH {
+        for k in 0..1 << 16 {
             for x in Sobol::new(3).point(k) {
                 assert_eq!((x * 4_294_967_296.0).fract(), 0.5);
             }

@@ -82,6 +82,25 @@ impl Orthographic {
         }
     }
 
+    /// Draws a ball.
+    pub(super) fn ball(&mut self, center: DVec3, radius: f64, colour: [u8; 3]) {
+        let p = self.project(center);
+        let radius = radius * self.axes[0].length();
+        let span = |x: f64| {
+            let first = (x - radius - 0.5).ceil().max(0.0) as usize;
+            first..((x + radius + 0.5).floor().max(0.0) as usize).min(self.size)
+        };
+        for (x, y) in span(p.y).flat_map(|y| span(p.x).map(move |x| (x, y))) {
+            let square = (x as f64 + 0.5 - p.x).powi(2) + (y as f64 + 0.5 - p.y).powi(2);
+            let rise = (radius * radius - square).max(0.0).sqrt();
+            let i = y * self.size + x;
+            if square <= radius * radius && p.z + rise > self.height[i] {
+                self.height[i] = p.z + rise;
+                self.colour[i] = colour.map(|c| (f64::from(c) * (0.35 + 0.65 * rise / radius)) as u8);
+            }
+        }
+    }
+
     /// Marks a line; where triangles hide it, it is only hinted at. To be called after [`Self::fill`].
     pub(super) fn mark(&mut self, ends: [DVec3; 2], colour: [u8; 3]) {
         let [a, b] = ends.map(|p| self.project(p));
@@ -162,6 +181,25 @@ mod tests {
             view.fill(&builder.build());
             assert_eq!(view.picture().pixel(10, 10), FRONT.map(|x| x as u8));
         }
+    }
+
+    #[test]
+    fn balls_cover_their_discs_and_meet_where_they_are_equally_high() {
+        let mut view = Orthographic::new(100, [DVec3::splat(-1.0), DVec3::splat(1.0)], DVec3::X, DVec3::Y);
+        let (red, blue) = ([200, 0, 0], [0, 0, 200]);
+        view.ball(DVec3::new(-0.2, 0.0, 0.0), 0.5, red);
+        view.ball(DVec3::new(0.2, 0.0, 0.0), 0.5, blue);
+        let picture = view.picture();
+        for x in 20..80 {
+            let [r, _, b] = picture.pixel(x, 50);
+            assert!(if x < 50 { r > b } else { b > r }, "{x}");
+        }
+        let covered = (0..100 * 100).filter(|i| picture.pixel(i % 100, i / 100) != BACKGROUND).count() as f64;
+        // Two discs less their lens.
+        let (r, d) = (0.5 * 47.0f64, 0.4 * 47.0f64);
+        let lens = 2.0 * r * r * (d / (2.0 * r)).acos() - d / 2.0 * (4.0 * r * r - d * d).sqrt();
+        let expected = 2.0 * std::f64::consts::PI * r * r - lens;
+        assert!((covered - expected).abs() < 0.01 * expected, "{covered} for {expected}");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use plotters::coord::Shift;
 use plotters::drawing::DrawingArea;
 use plotters::prelude::{BitMapBackend, FontStyle, IntoDrawingArea, RGBColor, ViridisRGB};
 use plotters::style::register_font;
+use rayon::prelude::*;
 
 use crate::bake::writers::atomically;
 use crate::{Error, Result};
@@ -42,15 +43,26 @@ impl Picture {
     /// # Panics
     /// When there are not `width * height` colours.
     pub fn tone_mapped(width: usize, height: usize, colours: &[[f64; 3]]) -> Self {
-        let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        Self::exposed(width, height, colours, Self::exposure(colours))
+    }
+
+    /// The factor that brings the logarithmic mean of the luminance of all pixels that are not black to 0.18.
+    pub fn exposure(colours: &[[f64; 3]]) -> f64 {
         let logarithms = colours.iter().map(|&colour| luminance(colour)).filter(|&l| l > 0.0).map(f64::ln);
         let (count, sum) = logarithms.fold((0u32, 0.0), |(count, sum), ln| (count + 1, sum + ln));
-        let exposure = 0.18 / (sum / f64::from(count.max(1))).exp();
+        0.18 / (sum / f64::from(count.max(1))).exp()
+    }
+
+    /// Linear Rec. 709 radiance times `exposure`, compressed as in [`Picture::tone_mapped`]: the frames of a film share one.
+    ///
+    /// # Panics
+    /// When there are not `width * height` colours.
+    pub fn exposed(width: usize, height: usize, colours: &[[f64; 3]], exposure: f64) -> Self {
         let map = |&colour: &[f64; 3]| {
             let scale = exposure / (1.0 + (exposure * luminance(colour)).max(0.0));
             colour.map(|x| srgb(scale * x))
         };
-        Self::from_pixels(width, height, colours.iter().map(map).collect())
+        Self::from_pixels(width, height, colours.par_iter().map(map).collect())
     }
 
     /// Values in false colour (viridis) by their place on `scale`; `None` becomes mid grey.
@@ -150,6 +162,11 @@ impl Decades {
 /// Colour of a place in [0, 1] on a scale, from dark blue to yellow with lightness rising evenly (viridis).
 pub(super) fn colour(position: f64) -> RGBColor {
     ViridisRGB::get_color(position)
+}
+
+/// Luminance of a linear Rec. 709 colour.
+fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// sRGB encoding of a linear value (IEC 61966-2-1), clamped to [0, 1].

@@ -10,7 +10,7 @@ macro_rules! scenes {
 }
 
 /// Name and scene file of every built-in scene.
-const SCENES: [(&str, &str); 13] = scenes![
+const SCENES: [(&str, &str); 14] = scenes![
     "default",
     "icosphere",
     "icosphere_328k",
@@ -24,6 +24,7 @@ const SCENES: [(&str, &str); 13] = scenes![
     "room_open",
     "building",
     "teapot",
+    "walkers",
 ];
 
 pub(super) fn names() -> impl Iterator<Item = &'static str> {

@@ -67,6 +67,27 @@ impl Camera {
         Self::new(self.position, self.position + forward, -self.down, fov, resolution)
     }
 
+    /// Unit direction in which the camera looks.
+    pub fn forward(&self) -> DVec3 {
+        self.right.cross(self.down).normalize()
+    }
+
+    /// The ray through the point (x, y) of the image, in pixels from its top left corner, as long as one unit along the view:
+    /// the point at depth z lies at `position() + z * ray(x, y)`.
+    pub fn ray(&self, x: f64, y: f64) -> DVec3 {
+        self.corner + self.right * x + self.down * y
+    }
+
+    /// Where a point appears: (x, y) in pixels from the image's top left corner, and its depth, the distance along the view.
+    /// Points with no positive depth lie behind the camera, and their x and y mean nothing.
+    pub fn project(&self, point: DVec3) -> DVec3 {
+        let d = point - self.position;
+        let depth = d.dot(self.forward());
+        let [width, height] = self.resolution.map(f64::from);
+        let along = |axis: DVec3| d.dot(axis) / (depth * axis.length_squared());
+        DVec3::new(along(self.right) + 0.5 * width, along(self.down) + 0.5 * height, depth)
+    }
+
     /// Unit direction of the primary ray through the point (x, y) of the image, in pixels from its top left corner.
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
         (self.corner + self.right * x + self.down * y).normalize()
@@ -93,6 +114,19 @@ mod tests {
         assert!(camera.direction(2.0, 0.0).distance(DVec3::new(0.0, 1.0, -1.0).normalize()) < 1e-15);
         assert!(camera.direction(4.0, 1.0).distance(DVec3::new(2.0, 0.0, -1.0).normalize()) < 1e-15);
         assert!(camera.pixel_direction(0, 0).distance(DVec3::new(-1.5, 0.5, -1.0).normalize()) < 1e-15);
+    }
+
+    #[test]
+    fn points_appear_where_their_rays_go() {
+        let tilted =
+            Camera::new(DVec3::ONE, DVec3::new(3.0, -1.0, 0.5), DVec3::new(0.1, 0.9, 0.3), 35.0, [30, 20]).unwrap();
+        for (x, y, depth) in [(0.0, 0.0, 1.0), (7.3, 19.0, 0.01), (40.0, -5.0, 100.0)] {
+            let ray = tilted.ray(x, y);
+            assert!((ray.dot(tilted.forward()) - 1.0).abs() < 1e-14);
+            assert!(ray.normalize().distance(tilted.direction(x, y)) < 1e-14);
+            let seen = tilted.project(tilted.position() + depth * ray);
+            assert!(seen.distance(DVec3::new(x, y, depth)) < 1e-10, "{seen}");
+        }
     }
 
     #[test]

@@ -8,14 +8,18 @@ use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::{Bvh2, reinsertion::ReinsertionOptimizer};
 use obvhs::ploc::PlocBuilder;
 use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
 use smallvec::SmallVec;
+
+use super::face_groups::FaceGroups;
 
 /// A bounding volume hierarchy over the faces of a mesh (obvhs' BVH2) for rays that must not miss a face.
 ///
 /// It only proposes the faces whose boxes a ray touches or nearly touches; whoever asks decides by a test of its own.
 pub struct FaceTree {
-    /// The tree and the scale of its boxes; none without faces.
+    /// The tree over groups of faces and the scale of its boxes; none without faces.
     tree: Option<(Bvh2, f64)>,
+    groups: FaceGroups,
     positions: Arc<[Vec3]>,
     triangles: Arc<[[u32; 3]]>,
 }
@@ -27,15 +31,17 @@ const SLACK: f64 = 1e-12;
 impl FaceTree {
     /// Builds the tree; `triangles` index into `positions`.
     pub fn new(positions: Arc<[Vec3]>, triangles: Arc<[[u32; 3]]>) -> Self {
-        let bounds: Vec<_> = triangles
-            .iter()
-            .map(|face| {
-                let [a, b, c] = face.map(|vertex| positions[vertex as usize]);
-                [a.min(b).min(c).to_array(), a.max(b).max(c).to_array()]
-            })
-            .collect();
-        let tree = (!bounds.is_empty()).then(|| grow_tree(&bounds));
-        Self { tree, positions, triangles }
+        let groups = FaceGroups::new(&positions, &triangles);
+        let bounds = |group: &[u32]| {
+            let faces = groups.faces[group[0] as usize..group[1] as usize].iter();
+            let corners = faces.flat_map(|&face| triangles[face as usize]).map(|vertex| positions[vertex as usize]);
+            let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+            let (low, high) = corners.fold(empty, |(low, high), p| (low.min(p), high.max(p)));
+            [low.to_array(), high.to_array()]
+        };
+        let bounds: Vec<_> = groups.starts.par_windows(2).map(bounds).collect();
+        let tree = (!bounds.is_empty()).then(|| grow_tree(bounds, 1));
+        Self { tree, groups, positions, triangles }
     }
 
     /// Corners of a face, as loaded.
@@ -51,8 +57,8 @@ impl FaceTree {
     /// Calls `visit` with every face that the ray from `origin` may meet, in no particular order, until it breaks.
     pub fn visit(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
         let Some((tree, scale)) = &self.tree else { return };
-        let slab = Slab { origin: origin * *scale, inverse: direction.recip() };
-        descend(tree, |node| slab.meets(node), &mut visit);
+        let slab = Slab::new(origin * *scale, direction);
+        self.descend(tree, |node| slab.meets(node), &mut visit);
     }
 
     /// Calls `visit` with every face whose box holds `point`, or nearly does, in no particular order.
@@ -60,36 +66,43 @@ impl FaceTree {
         let Some((tree, scale)) = &self.tree else { return };
         let point = point * *scale;
         let holds = |node: &Bvh2Node| {
-            let (low, high) = (node.aabb.min.as_dvec3(), node.aabb.max.as_dvec3());
+            let (low, high) = (node.min.as_dvec3(), node.max.as_dvec3());
             let slack = DVec3::splat(slack(low, high, point));
             (point.cmpge(low - slack) & point.cmple(high + slack)).all()
         };
-        descend(tree, holds, |face| {
+        self.descend(tree, holds, |face| {
             visit(face);
             ControlFlow::Continue(())
         });
     }
-}
 
-/// Visits the faces in all leaves whose own box and those above it are `wanted`, until `visit` breaks.
-fn descend(tree: &Bvh2, wanted: impl Fn(&Bvh2Node) -> bool, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
-    let mut stack = SmallVec::<[u32; 64]>::new();
-    if wanted(&tree.nodes[0]) {
-        stack.push(0);
-    }
-    while let Some(index) = stack.pop() {
-        let node = &tree.nodes[index as usize];
-        if node.is_leaf() {
-            let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
-            for &face in &tree.primitive_indices[range] {
-                if visit(face).is_break() {
-                    return;
+    /// Visits the faces in all leaves whose own box and those above it are `wanted`, until `visit` breaks.
+    fn descend(&self, tree: &Bvh2, wanted: impl Fn(&Bvh2Node) -> bool, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
+        let mut stack = SmallVec::<[u32; 64]>::new();
+        if wanted(&tree.nodes[0]) {
+            stack.push(0);
+        }
+        while let Some(index) = stack.pop() {
+            let node = &tree.nodes[index as usize];
+            if node.is_leaf() {
+                let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
+                for &group in &tree.primitive_indices[range] {
+                    let [start, end] = [0, 1].map(|next| self.groups.starts[group as usize + next] as usize);
+                    for &face in &self.groups.faces[start..end] {
+                        if visit(face).is_break() {
+                            return;
+                        }
+                    }
+                }
+                continue;
+            }
+            let children = [node.first_index, node.first_index + 1];
+            for child in children {
+                if wanted(&tree.nodes[child as usize]) {
+                    stack.push(child);
                 }
             }
-            continue;
         }
-        let children = [node.first_index, node.first_index + 1];
-        stack.extend(children.into_iter().filter(|&child| wanted(&tree.nodes[child as usize])));
     }
 }
 
@@ -99,24 +112,16 @@ fn slack(low: DVec3, high: DVec3, point: DVec3) -> f64 {
     SLACK * (low.abs().max(high.abs()).max_element() + point.abs().max_element()) + f64::from(f32::MIN_POSITIVE)
 }
 
-/// Most faces in a leaf: their test costs more than a box's.
-const LEAF_FACES: u32 = 4;
-
-/// A tree over boxes, lowest and highest corner each, of which there must be one at least; and the power of two by which the
-/// tree's own boxes are scaled: obvhs weighs areas in f32, which must stay in range.
+/// A tree over boxes, lowest and highest corner each, of which there must be one at least, with at most `leaf` in a leaf; and
+/// the power of two by which the tree's own boxes are scaled: obvhs weighs areas in f32, which must stay in range.
 ///
 /// These are the steps of obvhs' `build_bvh2` at its medium quality, without its check of the depth in debug builds, which
 /// fans of many triangles fail: there the reinsertion of nodes deepens the tree beyond what the first step noted.
-pub(crate) fn grow_tree(bounds: &[[[f32; 3]; 2]]) -> (Bvh2, f64) {
+pub(crate) fn grow_tree(bounds: Vec<[[f32; 3]; 2]>, leaf: u32) -> (Bvh2, f64) {
     let largest = bounds.as_flattened().as_flattened().iter().fold(f32::MIN_POSITIVE, |m, x| m.max(x.abs()));
     let scale = (-f64::from(largest).log2().ceil()).exp2();
-    let boxes: Vec<Bounds> = bounds
-        .iter()
-        .map(|bounds| {
-            let [low, high] = bounds.map(|bound| Vec3A::from(bound.map(|x| (f64::from(x) * scale) as f32)));
-            Bounds(Aabb::new(low, high))
-        })
-        .collect();
+    let scaled = |bounds: [[f32; 3]; 2]| Bounds(bounds.map(|bound| bound.map(|x| (f64::from(x) * scale) as f32)));
+    let boxes: Vec<Bounds> = bounds.into_iter().map(scaled).collect();
     let parameters = BvhBuildParams::medium_build();
     let indices = (0..boxes.len() as u32).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
@@ -128,7 +133,7 @@ pub(crate) fn grow_tree(bounds: &[[[f32; 3]; 2]]) -> (Bvh2, f64) {
     );
     let mut optimizer = ReinsertionOptimizer::default();
     optimizer.run(&mut tree, parameters.reinsertion_batch_ratio, None);
-    collapse(&mut tree, LEAF_FACES, parameters.collapse_traversal_cost);
+    collapse(&mut tree, leaf, parameters.collapse_traversal_cost);
     // The next step sizes its stacks by this.
     tree.max_depth = tree.max_depth.max(tree.depth(0) + 1);
     let second = parameters.reinsertion_batch_ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier;
@@ -137,38 +142,38 @@ pub(crate) fn grow_tree(bounds: &[[[f32; 3]; 2]]) -> (Bvh2, f64) {
 }
 
 /// A box as obvhs wants it.
-struct Bounds(Aabb);
+struct Bounds([[f32; 3]; 2]);
 
 impl Boundable for Bounds {
     fn aabb(&self) -> Aabb {
-        self.0
+        let [low, high] = self.0.map(Vec3A::from);
+        Aabb::new(low, high)
     }
 }
 
-/// A ray prepared for the slab test, in f64.
+/// A ray prepared for the slab test, in f64, with boxes that are widened by [`SLACK`] of the largest coordinates.
 struct Slab {
-    origin: DVec3,
+    /// The origin, less by how much the low sides of boxes are moved, and the high ones.
+    low: DVec3,
+    high: DVec3,
     inverse: DVec3,
 }
 
 impl Slab {
+    fn new(origin: DVec3, direction: DVec3) -> Self {
+        // The coordinates of the tree's boxes are at most 1.
+        let slack = DVec3::splat(slack(DVec3::ONE, DVec3::ONE, origin));
+        // Along a side the quotients must be numbers.
+        let along = |x: f64| if x.abs() < 1e-300 { 1e-300f64.copysign(x) } else { x };
+        let direction = DVec3::from_array(direction.to_array().map(along));
+        Self { low: origin + slack, high: origin - slack, inverse: direction.recip() }
+    }
+
+    #[inline(always)]
     fn meets(&self, node: &Bvh2Node) -> bool {
-        let (low, high) = (node.aabb.min.as_dvec3(), node.aabb.max.as_dvec3());
-        let slack = slack(low, high, self.origin);
-        let (mut near, mut far) = (0.0f64, f64::INFINITY);
-        for axis in 0..3 {
-            let (low, high) = (low[axis] - slack - self.origin[axis], high[axis] + slack - self.origin[axis]);
-            let inverse = self.inverse[axis];
-            if inverse.is_infinite() {
-                if low > 0.0 || high < 0.0 {
-                    return false;
-                }
-                continue;
-            }
-            let (a, b) = (low * inverse, high * inverse);
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
-        }
+        let a = (node.min.as_dvec3() - self.low) * self.inverse;
+        let b = (node.max.as_dvec3() - self.high) * self.inverse;
+        let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
         near <= far * (1.0 + SLACK)
     }
 }

@@ -7,7 +7,8 @@ use toml::Spanned;
 
 use super::shapes::Shape;
 use super::{
-    Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, Sky, UpAxis, load_meshes, load_points,
+    Body, Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, SkinnedBody, Sky, UpAxis, Walker,
+    load_meshes, load_points,
 };
 use crate::{Error, Result};
 
@@ -71,7 +72,21 @@ pub(super) fn read(text: &str, path: &Path) -> Result<Scene> {
             }
         }
     };
-    Ok(Scene { geometry: builder.build(), environment: environment.transpose()?, camera, receivers })
+    let characters = file.character.into_iter().map(|entry| {
+        let offset = entry.span().start;
+        let body = match entry.into_inner() {
+            CharacterEntry::Walker(WalkerEntry { walker }) => Body::Walker(walker),
+            CharacterEntry::Skinned(mut body) => {
+                body.file = folder.join(body.file);
+                body.set = body.set.map(|set| folder.join(set));
+                Body::Skinned(body)
+            }
+        };
+        body.check().map_err(|e| refuse(offset, &e))?;
+        Ok(body)
+    });
+    let characters = characters.collect::<Result<Vec<_>>>()?;
+    Ok(Scene { geometry: builder.build(), environment: environment.transpose()?, camera, receivers, characters })
 }
 
 /// Errors that name a file stay; others get their place in the scene file.
@@ -90,6 +105,8 @@ struct File {
     environment: Option<Spanned<EnvironmentEntry>>,
     camera: Option<Spanned<CameraEntry>>,
     receivers: Option<Spanned<Receivers>>,
+    #[serde(default)]
+    character: Vec<Spanned<CharacterEntry>>,
 }
 
 #[derive(Deserialize)]
@@ -195,6 +212,19 @@ impl EnvironmentEntry {
         };
         environment.oriented(self.up, self.rotation)
     }
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected either a walker or a file, with known keys")]
+enum CharacterEntry {
+    Walker(WalkerEntry),
+    Skinned(SkinnedBody),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WalkerEntry {
+    walker: Walker,
 }
 
 #[derive(Deserialize)]

@@ -1,11 +1,10 @@
 use std::path::Path;
 
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
-use gltf::accessor::{DataType, Dimensions, Item, Iter};
-use gltf::mesh::Mode;
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use gltf::scene::Transform;
-use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic, Skin, buffer};
+use gltf::{Document, Gltf, Node, Primitive, Skin, buffer};
 
+use super::gltf_read::{Checked, affine, influences, joints, morphed_positions, skinned, triangles};
 use super::{Material, Mesh};
 use crate::{Error, Result};
 
@@ -22,9 +21,8 @@ pub(super) fn load(path: &Path) -> Result<Vec<Mesh>> {
     read(path).map_err(|message| Error::file(path, message.split_whitespace().collect::<Vec<_>>().join(" ")))
 }
 
-type Checked<T> = std::result::Result<T, String>;
-
-fn read(path: &Path) -> Checked<Vec<Mesh>> {
+/// A document whose parts can be looked up without surprises, and what its buffers hold.
+pub(crate) fn open(path: &Path) -> Checked<(Document, Vec<buffer::Data>)> {
     let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
     let Gltf { document, blob } = Gltf::from_slice_without_validation(&bytes).map_err(|e| e.to_string())?;
     let json = document.into_json();
@@ -42,26 +40,51 @@ fn read(path: &Path) -> Checked<Vec<Mesh>> {
         }
     }
     let buffers = gltf::import_buffers(&document, path.parent(), blob).map_err(|e| e.to_string())?;
-    let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("no scene in this file")?;
+    Ok((document, buffers))
+}
 
-    // Nodes of the scene in file order, with their place in the world.
-    let mut worlds = vec![None; document.nodes().len()];
+/// The nodes of the default scene in file order, each with its parent, which comes before it.
+pub(crate) fn scene_nodes(document: &Document) -> Checked<Vec<(Node<'_>, Option<usize>)>> {
+    let scene = document.default_scene().or_else(|| document.scenes().next()).ok_or("no scene in this file")?;
+    let mut seen = vec![false; document.nodes().len()];
     let mut nodes = Vec::new();
-    let mut pending: Vec<(Node, DAffine3)> = scene.nodes().map(|node| (node, DAffine3::IDENTITY)).collect();
+    let mut pending: Vec<(Node, Option<usize>)> = scene.nodes().map(|node| (node, None)).collect();
     pending.reverse();
     while let Some((node, parent)) = pending.pop() {
-        let world = parent * local(&node);
-        if worlds[node.index()].replace(world).is_some() {
-            return Err(format!("node {} is reached twice; nodes must form a tree", node.index()));
+        let index = node.index();
+        if std::mem::replace(&mut seen[index], true) {
+            return Err(format!("node {index} is reached twice; nodes must form a tree"));
         }
         let children = pending.len();
-        pending.extend(node.children().map(|child| (child, world)));
+        pending.extend(node.children().map(|child| (child, Some(index))));
         pending[children..].reverse();
-        nodes.push(node);
+        nodes.push((node, parent));
+    }
+    Ok(nodes)
+}
+
+/// The name of a node, or its number.
+pub(crate) fn node_name(node: &Node) -> String {
+    node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned)
+}
+
+/// The name and colour of a primitive's material.
+pub(crate) fn material(primitive: &Primitive) -> Material {
+    let [red, green, blue, _] = primitive.material().pbr_metallic_roughness().base_color_factor();
+    Material { name: primitive.material().name().unwrap_or("default").to_owned(), albedo: Vec3::new(red, green, blue) }
+}
+
+fn read(path: &Path) -> Checked<Vec<Mesh>> {
+    let (document, buffers) = open(path)?;
+    let nodes = scene_nodes(&document)?;
+    let mut worlds = vec![None; document.nodes().len()];
+    for (node, parent) in &nodes {
+        let parent = parent.and_then(|parent| worlds[parent]).unwrap_or(DAffine3::IDENTITY);
+        worlds[node.index()] = Some(parent * local(node));
     }
 
     let mut meshes = Vec::new();
-    for node in &nodes {
+    for (node, _) in &nodes {
         let Some(mesh) = node.mesh() else { continue };
         let name = node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
         let weights = node.weights().or(mesh.weights()).unwrap_or(&[]);
@@ -72,15 +95,14 @@ fn read(path: &Path) -> Checked<Vec<Mesh>> {
             let mut positions = morphed_positions(&primitive, weights, &buffers).map_err(place)?;
             let mut transform = worlds[node.index()].unwrap_or(DAffine3::IDENTITY);
             if let Some(joints) = &joints {
-                skin(&mut positions, &primitive, joints, &buffers).map_err(place)?;
+                let influences = influences(&primitive, positions.len(), joints.len(), &buffers).map_err(place)?;
+                for (p, influences) in positions.iter_mut().zip(&influences) {
+                    *p = skinned(*p, influences, joints);
+                }
                 // Where the skinned node itself stands does not count.
                 transform = DAffine3::IDENTITY;
             }
-            let [red, green, blue, _] = primitive.material().pbr_metallic_roughness().base_color_factor();
-            let material = Material {
-                name: primitive.material().name().unwrap_or("default").to_owned(),
-                albedo: Vec3::new(red, green, blue),
-            };
+            let material = material(&primitive);
             let mesh = Mesh { name: name.clone(), positions, triangles, material };
             meshes.push(mesh.transformed(transform));
         }
@@ -104,11 +126,10 @@ fn check_attributes(json: &gltf::json::Root) -> Checked<()> {
     Ok(())
 }
 
-fn local(node: &Node) -> DAffine3 {
+/// Where a node stands in its parent's frame.
+pub(crate) fn local(node: &Node) -> DAffine3 {
     match node.transform() {
-        Transform::Matrix { matrix } => {
-            DAffine3::from_mat4(DMat4::from_cols_array_2d(&matrix.map(|c| c.map(f64::from))))
-        }
+        Transform::Matrix { matrix } => affine(matrix),
         Transform::Decomposed { translation, rotation, scale } => {
             let rotation = DQuat::from_array(rotation.map(f64::from));
             let length = rotation.length();
@@ -121,159 +142,11 @@ fn local(node: &Node) -> DAffine3 {
 
 /// What carries a vertex from the mesh's space into the world, for every joint.
 fn joint_transforms(skin: &Skin, worlds: &[Option<DAffine3>], buffers: &[buffer::Data]) -> Checked<Vec<DAffine3>> {
-    let inverse_bind = match skin.inverse_bind_matrices() {
-        Some(accessor) => values::<[[f32; 4]; 4]>(&accessor, Dimensions::Mat4, DataType::F32, buffers)?,
-        None => Vec::new(),
-    };
-    let joints = skin.joints().enumerate().map(|(i, joint)| {
-        let world = worlds[joint.index()].ok_or_else(|| format!("joint node {} is not in the scene", joint.index()))?;
-        let bind = match inverse_bind.get(i) {
-            Some(matrix) => DAffine3::from_mat4(DMat4::from_cols_array_2d(&matrix.map(|c| c.map(f64::from)))),
-            None if inverse_bind.is_empty() => DAffine3::IDENTITY,
-            None => return Err(format!("skin {} has fewer inverse bind matrices than joints", skin.index())),
-        };
+    let place = |(joint, bind): (usize, DAffine3)| {
+        let world = worlds[joint].ok_or_else(|| format!("joint node {joint} is not in the scene"))?;
         Ok(world * bind)
-    });
-    joints.collect()
-}
-
-/// The triangles of a primitive; `None` for points and lines.
-fn triangles(primitive: &Primitive, buffers: &[buffer::Data]) -> Checked<Option<Vec<[u32; 3]>>> {
-    let mode = primitive.mode();
-    if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-        return Ok(None);
-    }
-    let positions = primitive.get(&Semantic::Positions).ok_or("no positions")?;
-    let indices: Vec<u32> = match primitive.indices() {
-        None => (0..u32::try_from(positions.count()).map_err(|e| e.to_string())?).collect(),
-        Some(accessor) => match accessor.data_type() {
-            DataType::U8 => {
-                values::<u8>(&accessor, Dimensions::Scalar, DataType::U8, buffers)?.into_iter().map(u32::from).collect()
-            }
-            DataType::U16 => values::<u16>(&accessor, Dimensions::Scalar, DataType::U16, buffers)?
-                .into_iter()
-                .map(u32::from)
-                .collect(),
-            _ => values::<u32>(&accessor, Dimensions::Scalar, DataType::U32, buffers)?,
-        },
     };
-    if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.count()) {
-        return Err(format!("refers to vertex {index}, but there are only {}", positions.count()));
-    }
-    if mode == Mode::Triangles && !indices.len().is_multiple_of(3) {
-        return Err(format!("{} indices do not make whole triangles", indices.len()));
-    }
-    Ok(Some(match mode {
-        Mode::Triangles => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-        Mode::TriangleFan => indices.windows(2).skip(1).map(|pair| [indices[0], pair[0], pair[1]]).collect(),
-        // Every other triangle of a strip is turned round.
-        _ => (indices.windows(3).enumerate())
-            .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })
-            .collect(),
-    }))
-}
-
-fn morphed_positions(primitive: &Primitive, weights: &[f32], buffers: &[buffer::Data]) -> Checked<Vec<Vec3>> {
-    let read = |accessor: &Accessor| values::<[f32; 3]>(accessor, Dimensions::Vec3, DataType::F32, buffers);
-    let base = read(&primitive.get(&Semantic::Positions).ok_or("no positions")?)?;
-    let mut positions: Vec<DVec3> = base.iter().map(|p| DVec3::from_array(p.map(f64::from))).collect();
-    let targets = primitive.morph_targets().zip(weights).filter(|(_, weight)| **weight != 0.0);
-    for (accessor, &weight) in targets.filter_map(|(target, weight)| Some((target.positions()?, weight))) {
-        let offsets = read(&accessor)?;
-        if offsets.len() != positions.len() {
-            return Err("a morph target has another number of vertices".into());
-        }
-        for (p, offset) in positions.iter_mut().zip(offsets) {
-            *p += f64::from(weight) * DVec3::from_array(offset.map(f64::from));
-        }
-    }
-    Ok(positions.iter().map(|p| p.as_vec3()).collect())
-}
-
-/// Moves vertices to where their joints carry them: linear blending.
-fn skin(positions: &mut [Vec3], primitive: &Primitive, joints: &[DAffine3], buffers: &[buffer::Data]) -> Checked<()> {
-    let mut blended = vec![(DAffine3::from_mat3(DMat3::ZERO), 0.0); positions.len()];
-    for set in 0.. {
-        let Some(accessor) = primitive.get(&Semantic::Joints(set)) else { break };
-        let indices: Vec<[u16; 4]> = match accessor.data_type() {
-            DataType::U8 => values::<[u8; 4]>(&accessor, Dimensions::Vec4, DataType::U8, buffers)?
-                .into_iter()
-                .map(|j| j.map(u16::from))
-                .collect(),
-            _ => values(&accessor, Dimensions::Vec4, DataType::U16, buffers)?,
-        };
-        let accessor = primitive.get(&Semantic::Weights(set)).ok_or("joints without weights")?;
-        let weights: Vec<[f64; 4]> = match accessor.data_type() {
-            DataType::U8 => values::<[u8; 4]>(&accessor, Dimensions::Vec4, DataType::U8, buffers)?
-                .into_iter()
-                .map(|w| w.map(f64::from))
-                .collect(),
-            DataType::U16 => values::<[u16; 4]>(&accessor, Dimensions::Vec4, DataType::U16, buffers)?
-                .into_iter()
-                .map(|w| w.map(f64::from))
-                .collect(),
-            _ => values::<[f32; 4]>(&accessor, Dimensions::Vec4, DataType::F32, buffers)?
-                .into_iter()
-                .map(|w| w.map(f64::from))
-                .collect(),
-        };
-        if indices.len() != positions.len() || weights.len() != positions.len() {
-            return Err("joints or weights have another number of vertices".into());
-        }
-        for ((sum, total), (indices, weights)) in blended.iter_mut().zip(indices.into_iter().zip(weights)) {
-            for (index, weight) in indices.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0) {
-                let joint = joints.get(usize::from(index)).ok_or_else(|| format!("there is no joint {index}"))?;
-                sum.matrix3 += joint.matrix3 * weight;
-                sum.translation += joint.translation * weight;
-                *total += weight;
-            }
-        }
-    }
-    for (i, (p, (sum, total))) in positions.iter_mut().zip(blended).enumerate() {
-        if total.is_nan() || total <= 0.0 {
-            return Err(format!("no joint holds vertex {i}: its weights add up to {total}"));
-        }
-        *p = (sum.transform_point3(p.as_dvec3()) / total).as_vec3();
-    }
-    Ok(())
-}
-
-/// An accessor's values, after checks that keep the reader from panicking.
-fn values<T: Item>(
-    accessor: &Accessor,
-    shape: Dimensions,
-    kind: DataType,
-    buffers: &[buffer::Data],
-) -> Checked<Vec<T>> {
-    let refuse = |why: &str| Err(format!("accessor {} {why}", accessor.index()));
-    if accessor.dimensions() != shape || accessor.data_type() != kind {
-        return refuse(&format!("must hold {shape:?} of {kind:?}"));
-    }
-    let views = [
-        accessor.view(),
-        accessor.sparse().map(|sparse| sparse.indices().view()),
-        accessor.sparse().map(|sparse| sparse.values().view()),
-    ];
-    let sparse_count = accessor.sparse().map_or(1, |sparse| sparse.count());
-    // Sizes and offsets below these cannot overflow when they are multiplied and added.
-    let is_sane = |view: &buffer::View| {
-        let offsets = [view.offset(), view.length()];
-        offsets.iter().all(|&n| n < 1 << 40) && view.stride().is_none_or(|stride| (1..1 << 16).contains(&stride))
-    };
-    let is_counted = [accessor.count(), sparse_count].iter().all(|n| (1..1 << 32).contains(n));
-    if !is_counted || accessor.offset() >= 1 << 40 || !views.iter().flatten().all(is_sane) {
-        return refuse("has an impossible size");
-    }
-    if views[0].as_ref().is_some_and(|view| view.stride().is_some_and(|stride| stride < size_of::<T>())) {
-        return refuse("has a stride below the size of its elements");
-    }
-    if views[0].is_none() && accessor.sparse().is_none() {
-        return refuse("has no buffer view");
-    }
-    match Iter::new(accessor.clone(), |buffer: buffer::Buffer| buffers.get(buffer.index()).map(|data| &data.0[..])) {
-        Some(values) => Ok(values.collect()),
-        None => refuse("reaches beyond its buffer"),
-    }
+    joints(skin, buffers)?.into_iter().map(place).collect()
 }
 
 #[cfg(test)]

@@ -1,13 +1,16 @@
 //! What is looked at: geometry, environment light, camera, receivers; loaders, built-in shapes and scene files.
 
+mod body;
 mod builtin;
 mod camera;
 mod environment;
 mod environment_file;
+mod face_groups;
 mod face_tree;
 mod file;
 mod geometry;
-mod gltf;
+pub(crate) mod gltf;
+pub(crate) mod gltf_read;
 mod incidence;
 mod load;
 mod mesh;
@@ -20,11 +23,13 @@ mod polygon;
 pub mod shapes;
 mod sky;
 mod topology;
+mod walker;
 
 use std::path::Path;
 
 use glam::DAffine3;
 
+pub use body::{Body, SkinnedBody};
 pub use camera::Camera;
 pub use environment::{Environment, UpAxis};
 pub use face_tree::FaceTree;
@@ -37,6 +42,7 @@ pub use mesh::Mesh;
 pub use points::{NORMAL_TOLERANCE, Point, load_points};
 pub use sky::Sky;
 pub use topology::{Direction, EdgeFace, EdgeId, EdgeKind, Topology, TriangleId, VertexId};
+pub use walker::Walker;
 
 use crate::{Error, Result};
 
@@ -51,6 +57,8 @@ pub struct Scene {
     pub camera: Option<Camera>,
     /// Where light is to be gathered.
     pub receivers: ReceiverSource,
+    /// Bodies that move, for the renderer of sphere proxies alone; the geometry stands still.
+    pub characters: Vec<Body>,
 }
 
 impl Scene {
@@ -83,10 +91,19 @@ impl Scene {
     /// up = [0, 1, 0]
     /// fov = 45                           # vertical
     /// resolution = [640, 480]
+    ///
+    /// [[character]]                      # bodies that move, for `animate` and `judge`; any number of them
+    /// walker = { center = [0, 0, 0], circle = 2.0, spheres = 50, albedo = [0.7, 0.4, 0.3] }
+    ///
+    /// [[character]]
+    /// file = "knight.glb"                # skinned; its spheres are fitted, or read: set = "knight.json"
+    /// clip = "Walking_A"
+    /// translate = [1, 0, 0]
     /// ```
     ///
     /// The shapes and their parameters are those of [`shapes`]: `plane`, `box`, `icosphere`, `torus_knot`, `knots`,
-    /// `teapot`, `foliage`, `room`, `building`; the sky's those of [`Sky`].
+    /// `teapot`, `foliage`, `room`, `building`; the sky's those of [`Sky`],
+    /// the walker's those of [`Walker`], a character's those of [`SkinnedBody`].
     ///
     /// # Errors
     /// A file that is missing or malformed, an unknown key or a value out of its domain: the line is named. As
@@ -110,7 +127,13 @@ impl Scene {
                 builder.add(mesh, DAffine3::IDENTITY).map_err(|e| Error::file(&path, e))?;
             }
         }
-        Ok(Self { geometry: builder.build(), environment: None, camera: None, receivers: ReceiverSource::Vertices })
+        Ok(Self {
+            geometry: builder.build(),
+            environment: None,
+            camera: None,
+            receivers: ReceiverSource::Vertices,
+            characters: Vec::new(),
+        })
     }
 
     /// A built-in scene by its name, one of [`Scene::builtin_names`].

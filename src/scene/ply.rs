@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::Vec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType};
+use smallvec::SmallVec;
 
 use super::geometry::{is_in_range, out_of_range};
 use super::polygon::triangulate;
@@ -130,11 +131,12 @@ impl PropertyAccess for Vertex {
     }
 }
 
-struct Face(Vec<u32>);
+/// A face's corners, triangles and quadrilaterals without an allocation of their own: there may be millions.
+struct Face(SmallVec<[u32; 4]>);
 
 impl PropertyAccess for Face {
     fn new() -> Self {
-        Self(Vec::new())
+        Self(SmallVec::new())
     }
 
     fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
@@ -145,7 +147,7 @@ impl PropertyAccess for Face {
         let corners = match value {
             Property::ListInt(list) => list.into_iter().map(|v| u32::try_from(v).unwrap_or(u32::MAX)).collect(),
             other => match other.to_u32_list() {
-                Some(corners) => corners,
+                Some(corners) => SmallVec::from_slice(&corners),
                 None => return PropertyAccessResult::UnsupportedType,
             },
         };

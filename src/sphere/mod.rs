@@ -1,5 +1,6 @@
 //! The unit sphere: octahedral map, harmonics, arcs, closed forms.
 
+mod angle;
 mod arc_integrals;
 mod arcs;
 pub mod closed_forms;
@@ -12,6 +13,7 @@ mod quadrature;
 mod rotation;
 mod zonal;
 
+pub use angle::{angle, rough_angle};
 pub use arc_integrals::{cosine_along, harmonics_along};
 pub use arcs::{BoundaryArc, vector_area};
 pub use cosine_product::cosine_product;

@@ -1,5 +1,7 @@
 //! Rotation of spherical-harmonic expansions.
 
+use std::sync::LazyLock;
+
 use glam::DMat3;
 
 use super::harmonics::Order;
@@ -17,24 +19,48 @@ pub fn rotate(order: Order, rotation: DMat3, coefficients: &[f64], out: &mut [f6
     assert_eq!(out.len(), order.len());
     // Band 1 is (y, z, x).
     const AXES: [usize; 3] = [1, 2, 0];
-    let first: Vec<f64> = AXES.into_iter().flat_map(|row| AXES.map(|column| rotation.col(column)[row])).collect();
-    let mut band = vec![1.0];
+    let first: [f64; 9] = std::array::from_fn(|i| rotation.col(AXES[i % 3])[AXES[i / 3]]);
+    let mut buffers = [[0.0; MOST]; 2];
     for l in 0..order.bands() {
-        band = match l {
-            0 => band,
-            1 => first.clone(),
-            _ => next_band(l as isize, &first, &band),
-        };
         let side = 2 * l + 1;
+        let [below, band] = &mut buffers;
+        match l {
+            0 => band[0] = 1.0,
+            1 => band[..9].copy_from_slice(&first),
+            _ => next_band(l as isize, &FACTORS[l], &first, below, &mut band[..side * side]),
+        }
         let (input, output) = (&coefficients[l * l..][..side], &mut out[l * l..][..side]);
         for (row, out) in band.chunks_exact(side).zip(output) {
             *out = row.iter().zip(input).map(|(m, f)| m * f).sum();
         }
+        buffers.swap(0, 1);
     }
 }
 
+/// Bands up to one more than [`Order::MAX`], for products with a cosine.
+const BANDS: usize = 11;
+/// Elements of the largest band's matrix.
+const MOST: usize = (2 * BANDS - 1) * (2 * BANDS - 1);
+
+/// The factors u, v and w of all elements of a band's matrix, band by band; letters as in the article.
+static FACTORS: LazyLock<Vec<Vec<[f64; 3]>>> = LazyLock::new(|| (0..BANDS as isize).map(factors).collect());
+
+fn factors(l: isize) -> Vec<[f64; 3]> {
+    let factor = |m: isize, n: isize| {
+        let k = m.abs();
+        let denominator = if n.abs() == l { 2 * l * (2 * l - 1) } else { (l + n) * (l - n) } as f64;
+        let u = (((l + m) * (l - m)) as f64 / denominator).sqrt();
+        let twice = if m == 0 { 2.0 } else { 1.0 };
+        let sign = if m == 0 { -1.0 } else { 1.0 };
+        let v = sign * 0.5 * (twice * ((l + k - 1) * (l + k)) as f64 / denominator).sqrt();
+        let w = if m == 0 { 0.0 } else { -0.5 * (((l - k - 1) * (l - k)) as f64 / denominator).sqrt() };
+        [u, v, w]
+    };
+    (-l..=l).flat_map(|m| (-l..=l).map(move |n| factor(m, n))).collect()
+}
+
 /// The matrix of band `l` from those of band 1 and band l - 1, row-major. Letters as in the article.
-fn next_band(l: isize, first: &[f64], below: &[f64]) -> Vec<f64> {
+fn next_band(l: isize, factors: &[[f64; 3]], first: &[f64; 9], below: &[f64], band: &mut [f64]) {
     let r = |i: isize, j: isize| first[(3 * (i + 1) + j + 1) as usize];
     let prev = |i: isize, j: isize| below[((2 * l - 1) * (i + l - 1) + j + l - 1) as usize];
     let p = |i: isize, a: isize, b: isize| {
@@ -46,37 +72,26 @@ fn next_band(l: isize, first: &[f64], below: &[f64]) -> Vec<f64> {
             r(i, 0) * prev(a, b)
         }
     };
-    let mut band = Vec::with_capacity(((2 * l + 1) * (2 * l + 1)) as usize);
-    for m in -l..=l {
-        for n in -l..=l {
-            let k = m.abs();
-            let denominator = if n.abs() == l { 2 * l * (2 * l - 1) } else { (l + n) * (l - n) } as f64;
-            let u = (((l + m) * (l - m)) as f64 / denominator).sqrt();
-            let twice = if m == 0 { 2.0 } else { 1.0 };
-            let sign = if m == 0 { -1.0 } else { 1.0 };
-            let v = sign * 0.5 * (twice * ((l + k - 1) * (l + k)) as f64 / denominator).sqrt();
-            let w = if m == 0 { 0.0 } else { -0.5 * (((l - k - 1) * (l - k)) as f64 / denominator).sqrt() };
-            // A factor of zero goes with an element outside the band below.
-            let mut element = 0.0;
-            if u != 0.0 {
-                element += u * p(0, m, n);
-            }
-            if v != 0.0 {
-                element += v * match m {
-                    0 => p(1, 1, n) + p(-1, -1, n),
-                    1 => std::f64::consts::SQRT_2 * p(1, 0, n),
-                    -1 => std::f64::consts::SQRT_2 * p(-1, 0, n),
-                    2.. => p(1, m - 1, n) - p(-1, 1 - m, n),
-                    _ => p(1, m + 1, n) + p(-1, -m - 1, n),
-                };
-            }
-            if w != 0.0 {
-                element += w * if m > 0 { p(1, m + 1, n) + p(-1, -m - 1, n) } else { p(1, m - 1, n) - p(-1, 1 - m, n) };
-            }
-            band.push(element);
+    let places = (-l..=l).flat_map(|m| (-l..=l).map(move |n| (m, n)));
+    for ((element, &[u, v, w]), (m, n)) in band.iter_mut().zip(factors).zip(places) {
+        // A factor of zero goes with an element outside the band below.
+        *element = 0.0;
+        if u != 0.0 {
+            *element += u * p(0, m, n);
+        }
+        if v != 0.0 {
+            *element += v * match m {
+                0 => p(1, 1, n) + p(-1, -1, n),
+                1 => std::f64::consts::SQRT_2 * p(1, 0, n),
+                -1 => std::f64::consts::SQRT_2 * p(-1, 0, n),
+                2.. => p(1, m - 1, n) - p(-1, 1 - m, n),
+                _ => p(1, m + 1, n) + p(-1, -m - 1, n),
+            };
+        }
+        if w != 0.0 {
+            *element += w * if m > 0 { p(1, m + 1, n) + p(-1, -m - 1, n) } else { p(1, m - 1, n) - p(-1, 1 - m, n) };
         }
     }
-    band
 }
 
 #[cfg(test)]

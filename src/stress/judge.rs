@@ -133,7 +133,7 @@ fn floor(method: Method) -> f64 {
         // An edge along the lines moves from one side of a line to the other at once, an error of first order: half the
         // lines' distance, 1/N in u, times the edge's length.
         Method::Isolines { lines } => 4.0 / f64::from(lines),
-        Method::Qmc { samples, .. } => TAU * f64::from(samples).powf(-0.5),
+        Method::Qmc { samples, .. } | Method::Embree { samples, .. } => TAU * f64::from(samples).powf(-0.5),
     }
 }
 
@@ -148,15 +148,8 @@ struct Answers {
 
 fn solve(geometry: &Geometry, receivers: &Receivers, method: Method, control: &dyn Control) -> Result<Answers> {
     let is_directed = !receivers.normals.is_empty();
-    let request = bake::Request {
-        order: ORDER,
-        ambient_occlusion: is_directed,
-        visibility_sh: true,
-        transfer_sh: false,
-        bent_normal: false,
-        irradiance: false,
-        vector_irradiance: false,
-    };
+    let request =
+        bake::Request { order: ORDER, ambient_occlusion: is_directed, visibility_sh: true, ..bake::Request::default() };
     let outcome = bake::integrate(geometry, None, receivers, &request, method, None, control)?;
     if !outcome.done.iter().all(|&done| done) {
         return Err(Error::Interrupted);

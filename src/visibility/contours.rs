@@ -48,14 +48,14 @@ impl ReceiverContours {
         self.heights.clear();
         self.arcs.clear();
         self.local.clear();
-        self.local.resize(candidates.positions().len(), UNSEEN);
+        self.local.resize(candidates.vertices().len(), UNSEEN);
         for contour in contours.edges() {
             let edge = &candidates.edges()[contour.edge as usize];
             let [a, b] = [edge.a, edge.b].map(|vertex| {
                 let local = &mut self.local[vertex as usize];
                 if *local == UNSEEN {
                     *local = self.directions.len() as u32;
-                    let direction = candidates.positions()[vertex as usize] - position;
+                    let direction = candidates.position(vertex) - position;
                     self.directions.push(direction);
                     self.heights.push(normal.map_or(1.0, |n| n.dot(direction)));
                 }
@@ -64,11 +64,8 @@ impl ReceiverContours {
             if self.heights[a as usize] < 0.0 && self.heights[b as usize] < 0.0 {
                 continue;
             }
-            let plane = arc_plane(
-                self.directions[a as usize],
-                candidates.positions()[edge.a as usize],
-                candidates.positions()[edge.b as usize],
-            );
+            let plane =
+                arc_plane(self.directions[a as usize], candidates.position(edge.a), candidates.position(edge.b));
             self.arcs.push(Arc { a, b, jump: contour.jump, plane });
         }
     }

@@ -5,7 +5,8 @@ use glam::DVec3;
 
 use super::contours::arc_plane;
 use super::crossings::{Passage, Place, passage, spine_jump};
-use super::{Frame, Isolines};
+use super::meridians::{Way, place};
+use super::{Frame, Isolines, MeridianFrame, Meridians};
 use crate::scene::FaceTree;
 
 /// Counts the depth complexity W where isoline `line` meets the spine, by a ray that counts every face once.
@@ -55,6 +56,40 @@ fn covers(faces: &FaceTree, isolines: &Isolines, frame: Frame, position: DVec3, 
     }
     // A face left on the way up the spine and not entered there was entered below its start, the pole -x.
     here + (-total).max(0)
+}
+
+/// Counts the depth complexity W where the meridians start, by a ray that counts every face once.
+///
+/// A face covers the start if the isolines leave it once more often than they enter it, on whichever of them: decided with
+/// the very predicates and signs that the contours use, as in [`count_on_spine`].
+pub(super) fn count_at_start(
+    faces: &FaceTree,
+    meridians: &Meridians,
+    frame: MeridianFrame,
+    position: DVec3,
+    excluded: &[u32],
+) -> i32 {
+    let lines = meridians.len();
+    let mut depth = 0;
+    faces.visit(position, frame.start(), |face| {
+        if !excluded.contains(&face) {
+            let vertices = faces.vertices(face);
+            let [a, b, c] = faces.corners(face);
+            let sign = i32::from(face_sign(position, a, b, c));
+            let corners = [a, b, c].map(|x| x.as_dvec3());
+            let places = corners.map(|x| place(frame.apply(x - position), lines));
+            let mut total = 0;
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
+                let plane = || frame.apply(arc_plane(corners[a] - position, corners[a], corners[b]));
+                let way = Way::new(places[a], places[b], lines as i32, plane);
+                total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
+            }
+            depth += (-total).max(0);
+        }
+        ControlFlow::Continue(())
+    });
+    depth
 }
 
 /// Counts the depth complexity W in a direction that meets no edge, by a ray that counts every face once.

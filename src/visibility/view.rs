@@ -2,10 +2,11 @@ use dual_bvh::{Candidates, Contours, DualBvh, Tile};
 use glam::DVec3;
 
 use super::crossings::Crossings;
-use super::depth::{count_along, count_on_spine};
+use super::depth::{count_along, count_at_start, count_on_spine};
 use super::exact::{self, Region};
+use super::meridians::{self, Outlook};
 use super::sweep::{Interval, Sweep, base_line, sweep};
-use super::{Frame, Isolines, ReceiverContours};
+use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Skips, Spans};
 use crate::scene::FaceTree;
 
 /// A point from which the scene is seen.
@@ -47,13 +48,30 @@ pub struct View {
     contours: Contours,
     projected: ReceiverContours,
     crossings: Crossings,
+    meridian_crossings: meridians::Crossings,
+    spans: Spans,
     exact: exact::Scratch,
 }
 
 impl View {
-    /// Contours that the last receiver had above its horizon.
+    /// Contours that the last receiver projected had above its horizon.
     pub fn contours(&self) -> &ReceiverContours {
         &self.projected
+    }
+
+    /// The visible spans of the last receiver that was looked at along meridians.
+    pub fn spans(&self) -> &Spans {
+        &self.spans
+    }
+
+    /// What became of that receiver's contours.
+    pub fn counts(&self) -> Counts {
+        self.meridian_crossings.counts()
+    }
+
+    /// The visible region that was last solved.
+    pub fn region(&self) -> &Region {
+        self.exact.region()
     }
 }
 
@@ -66,11 +84,47 @@ impl Viewer<'_> {
         self.edges.search(&tile, &mut view.candidates);
     }
 
-    /// Projects the contours of a receiver among those approached: the first step of either way to see.
-    pub fn face(&self, receiver: Receiver, view: &mut View) {
-        let Receiver { position, normal, excluded } = receiver;
-        view.candidates.contours(position, excluded, &mut view.contours);
+    /// Finds the contours of a receiver among those approached: the first step of every way to see.
+    pub fn find(&self, receiver: Receiver, view: &mut View) {
+        view.candidates.contours(receiver.position, receiver.excluded, &mut view.contours);
+    }
+
+    /// Projects the contours just found.
+    pub fn project(&self, Receiver { position, normal, .. }: Receiver, view: &mut View) {
         view.projected.project(&view.candidates, &view.contours, position, normal);
+    }
+
+    /// Finds and projects the contours of a receiver, which may then [`follow`](Self::follow) or [`solve`](Self::solve).
+    pub fn face(&self, receiver: Receiver, view: &mut View) {
+        self.find(receiver, view);
+        self.project(receiver, view);
+    }
+
+    /// What the receiver whose contours were just found sees along the meridians: the [`View::spans`], if it sees a part.
+    pub fn trace(
+        &self,
+        meridians: &Meridians,
+        frame: MeridianFrame,
+        receiver: Receiver,
+        skips: Skips,
+        view: &mut View,
+    ) -> Sight {
+        let Receiver { position, normal, excluded } = receiver;
+        let View { candidates, contours, meridian_crossings: crossings, spans, .. } = view;
+        let outlook = Outlook { meridians, frame, position, normal };
+        crossings.choose(outlook, candidates, contours, !skips.between_isolines);
+        let depth = count_at_start(self.faces, meridians, frame, position, excluded);
+        let sight = match (crossings.counts().above, depth) {
+            (0, 0) => Some((Sight::Open, skips.open_receivers)),
+            (0, _) => Some((Sight::Enclosed, skips.enclosed_receivers)),
+            _ => None,
+        };
+        if let Some((sight, true)) = sight {
+            return sight;
+        }
+        crossings.cross(outlook, candidates);
+        let sweep = meridians::sweep(outlook, crossings, depth, spans);
+        sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
     }
 
     /// What the receiver just faced sees along the isolines: their visible intervals.
@@ -134,8 +188,8 @@ mod tests {
     }
 
     /// Compares the intervals with counted rays at points of every isoline.
-    fn agrees_with_rays(triangles: &[[Vec3; 3]], p: DVec3, normal: Option<DVec3>) {
-        let positions: Vec<Vec3> = triangles.iter().flatten().copied().collect();
+    fn agrees_with_rays(corners: &[[Vec3; 3]], p: DVec3, normal: Option<DVec3>) {
+        let positions: Vec<Vec3> = corners.iter().flatten().copied().collect();
         let mut welded: Vec<Vec3> = Vec::new();
         let ids: Vec<u32> = positions
             .iter()
@@ -156,6 +210,8 @@ mod tests {
         let receiver = Receiver { position: p, normal, excluded: &[] };
         let mut view = View::default();
         viewer.approach(std::iter::once(receiver), &mut view);
+        let triangles: Vec<_> = corners.iter().map(|t| t.map(|x| x.as_dvec3())).collect();
+        spans_agree_with_rays(&triangles, &viewer, receiver, &mut view);
         let mut intervals = Vec::new();
         viewer.face(receiver, &mut view);
         let frame = Frame::facing(normal, 0);
@@ -164,7 +220,6 @@ mod tests {
             Sight::Enclosed => {}
             Sight::Part(sweep) => assert_eq!(sweep.depth_alarms, 0),
         }
-        let triangles: Vec<_> = triangles.iter().map(|t| t.map(|x| x.as_dvec3())).collect();
         let axis = frame.axis();
         for line in 0..isolines.len() {
             let u = isolines.u(line);
@@ -182,6 +237,54 @@ mod tests {
                     let seen =
                         intervals.iter().any(|i| (i.line, i.quadrant) == (line, quadrant) && i.from <= f && f <= i.to);
                     assert_eq!(seen, depth == 0 && height > 0.0, "line {line} quadrant {quadrant} f {f} depth {depth}");
+                }
+            }
+        }
+    }
+
+    fn portable_crossings_are_the_same(meridians: &Meridians, frame: MeridianFrame, receiver: Receiver, view: &View) {
+        let Receiver { position, normal, .. } = receiver;
+        let outlook = Outlook { meridians, frame, position, normal };
+        let (mut one, mut other) = (meridians::Crossings::default(), meridians::Crossings::default());
+        one.choose(outlook, &view.candidates, &view.contours, false);
+        one.cross(outlook, &view.candidates);
+        other.choose_inline(outlook, &view.candidates, &view.contours, false);
+        other.cross_inline(outlook, &view.candidates);
+        assert!((0..meridians.len()).all(|line| one.along(line) == other.along(line)));
+        assert_eq!(one.counts(), other.counts());
+    }
+
+    /// Compares the spans with counted rays at points of every meridian.
+    fn spans_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
+        let meridians = Meridians::new(14).unwrap();
+        viewer.find(receiver, view);
+        for second in [false, true] {
+            let frame = MeridianFrame::facing(receiver.normal, second);
+            portable_crossings_are_the_same(&meridians, frame, receiver, view);
+            let sight = viewer.trace(&meridians, frame, receiver, Skips::default(), view);
+            if let Sight::Part(sweep) = sight {
+                assert_eq!(sweep.depth_alarms, 0);
+            }
+            for line in 0..meridians.len() {
+                let (sin, cos) = meridians.u(line).sin_cos();
+                for step in 0..47 {
+                    let tangent = (std::f64::consts::PI * ((step as f64 + 0.387) / 47.0 - 0.5)).tan();
+                    let w = frame.axes() * DVec3::new(cos, sin, tangent).normalize();
+                    let (depth, closest) = count(triangles, receiver.position, w);
+                    let height = receiver.normal.map_or(1.0, |n| n.dot(w));
+                    if closest < 1e-9 || height < 1e-9 {
+                        continue;
+                    }
+                    let seen = match sight {
+                        Sight::Open => true,
+                        Sight::Enclosed => false,
+                        Sight::Part(_) => {
+                            let before =
+                                view.spans().of(line).filter(|&end| view.spans().ends()[end] <= tangent).count();
+                            before % 2 == 1
+                        }
+                    };
+                    assert_eq!(seen, depth == 0, "meridian {line}, tangent {tangent}, depth {depth}, {frame:?}");
                 }
             }
         }

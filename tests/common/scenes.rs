@@ -56,6 +56,7 @@ pub fn request(receivers: &Receivers, environment: Option<&Environment>, order: 
         bent_normal: true,
         irradiance: horizon && environment.is_some(),
         vector_irradiance: environment.is_some(),
+        ..Request::default()
     }
 }
 

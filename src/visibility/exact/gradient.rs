@@ -46,6 +46,15 @@ impl Region {
         moving.map(|(arc, m)| cosine_along(arc, normal, m) * arc.normal).sum::<DVec3>() / PI
     }
 
+    /// Integral of one over the distance of the edge along the boundary's arcs on contours, and the largest 1 / distance: what
+    /// bounds every gradient and its rounding.
+    pub fn moving_length(&self, contours: &ReceiverContours) -> (f64, f64) {
+        self.moving(contours).fold((0.0, 0.0), |(length, most), (arc, m)| {
+            let steepest = m.length();
+            (length + steepest * arc.angle(), f64::max(most, steepest))
+        })
+    }
+
     /// The boundary arcs that lie on contours, with m.
     fn moving<'a>(&'a self, contours: &'a ReceiverContours) -> impl Iterator<Item = (&'a BoundaryArc, DVec3)> {
         let arcs = self.boundary.iter().zip(&self.sources).filter(|&(_, &source)| source != NIL);

@@ -44,6 +44,13 @@ pub struct Scratch {
     region: Region,
 }
 
+impl Scratch {
+    /// The region that was last solved.
+    pub fn region(&self) -> &Region {
+        &self.region
+    }
+}
+
 /// Frames to try before an edge through the pole is taken as it is: each is met with a chance of 1e-10 an edge.
 const ATTEMPTS: u32 = 8;
 

@@ -1,0 +1,258 @@
+use std::time::Instant;
+
+use glam::DVec3;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use super::plan::{Candidate, Family, Law};
+use super::tiles::TILE_RECEIVERS;
+use super::{Arrays, Control, Outcome, Prepared, Receivers, Request, Unmoved};
+use crate::{Error, Result};
+
+/// A few receivers on which methods are measured before one is chosen for all.
+pub(super) struct Pilot<'a> {
+    prepared: &'a Prepared<'a>,
+    request: &'a Request,
+    control: &'a dyn Control,
+    /// From all over: they show errors.
+    scattered: Receivers,
+    /// Neighbours, who share a search as in a bake: they show times.
+    tiles: Receivers,
+    /// Where there is nothing but the method to measure.
+    alone: ThreadPool,
+    /// The best values so far.
+    reference: Option<Arrays>,
+    built: Vec<(Family, f64)>,
+    /// What is known of isolines.
+    lines: Option<Law>,
+    /// What is known of rays, and the values they gave.
+    rays: Option<(Family, [(Level, Arrays); 2])>,
+}
+
+/// One family measured at one count.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Level {
+    pub(super) count: f64,
+    /// Processor time per receiver.
+    pub(super) seconds: f64,
+    /// Time of building what depends on the count.
+    pub(super) build: f64,
+    pub(super) rmse: f64,
+    /// Root mean square of the errors that the method states.
+    pub(super) stated: f64,
+}
+
+/// Receivers that are measured for time, and as many for errors: this share of all, and not fewer nor more than these.
+const SHARE: usize = 64;
+const LEAST: usize = 16;
+const MOST: usize = 256;
+/// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
+const SHORT: f64 = 1e-3;
+const REPEATS: usize = 3;
+/// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
+const CAUTION: f64 = 1.4;
+/// Counts beyond this many times the finer level are looked at before they are believed.
+const TRUSTED: f64 = 4.0;
+
+impl<'a> Pilot<'a> {
+    pub(super) fn new(
+        prepared: &'a Prepared,
+        receivers: &Receivers,
+        request: &'a Request,
+        control: &'a dyn Control,
+    ) -> Result<Self> {
+        let alone = ThreadPoolBuilder::new().num_threads(1).build();
+        let wanted = (receivers.len() / SHARE).clamp(LEAST, MOST);
+        Ok(Self {
+            prepared,
+            request,
+            control,
+            scattered: receivers.pick(spread(receivers.len(), wanted)),
+            tiles: receivers.pick(neighbourhoods(&receivers.positions, wanted)),
+            alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
+            reference: None,
+            built: Vec::new(),
+            lines: None,
+            rays: None,
+        })
+    }
+
+    /// Seconds it took to build what `family` searches in.
+    pub(super) fn built(&self, family: Family) -> f64 {
+        self.built.iter().filter(|(built, _)| *built == family).map(|(_, seconds)| seconds).sum()
+    }
+
+    /// Receivers that are measured.
+    pub(super) fn receivers(&self) -> usize {
+        self.scattered.len() + self.tiles.len()
+    }
+
+    /// What `family` promises for `all` receivers at the error `aim`; nothing, if it cannot take less than `best` seconds.
+    pub(super) fn try_family(&mut self, family: Family, aim: f64, all: usize, best: f64) -> Result<Option<Candidate>> {
+        let started = Instant::now();
+        self.prepared.build(family, &self.tiles)?;
+        self.built.push((family, started.elapsed().as_secs_f64()));
+        let [coarse, fine] = family.levels();
+        for &(receivers, share) in family.looks() {
+            let look = self.tiles.pick(0..self.tiles.len().min(receivers));
+            let seconds = self.measure(family, coarse, &look, REPEATS)?.0.seconds;
+            if share * family.least(aim, f64::from(coarse)) * seconds * all as f64 > best {
+                return Ok(None);
+            }
+        }
+        if family == Family::Exact {
+            let (level, _) = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), 1)?;
+            return Ok(Some(Candidate::exact(level, all)));
+        }
+        let (mut coarse, coarse_values) = self.level(family, coarse)?;
+        let (fine, fine_values) = self.level(family, fine)?;
+        if family == Family::Isolines {
+            coarse.rmse = difference(&coarse_values, &fine_values);
+            self.reference = Some(fine_values);
+            let law = Law::new(family, [coarse, fine]);
+            self.lines = Some(law);
+            return Ok(Some(law.candidate(aim, all)));
+        }
+        let caution = if family == Family::Embree { CAUTION } else { 1.0 };
+        coarse.rmse = coarse.stated / caution;
+        self.rays = Some((family, [(coarse, coarse_values), (fine, fine_values)]));
+        Ok(Some(self.revised_rays(aim, all).unwrap_or_else(|| Law::new(family, [coarse, fine]).candidate(aim, all))))
+    }
+
+    /// What rays promise, now that isolines have told how wrong they are.
+    pub(super) fn revised_rays(&self, aim: f64, all: usize) -> Option<Candidate> {
+        let (reference, (family, levels)) = self.reference.as_ref().zip(self.rays.as_ref())?;
+        let levels = [0, 1].map(|i| {
+            let (level, values) = &levels[i];
+            Level { rmse: difference(values, reference), ..*level }
+        });
+        Some(Law::new(*family, levels).candidate(aim, all))
+    }
+
+    /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured.
+    pub(super) fn look_again(&self, promised: &Candidate, aim: f64, all: usize) -> Result<Option<Candidate>> {
+        let Some(law) = self.lines.filter(|_| promised.family == Family::Isolines) else { return Ok(None) };
+        let [coarse, fine] = law.levels;
+        if f64::from(promised.count) <= TRUSTED * fine.count {
+            return Ok(None);
+        }
+        let (finer, _) = self.level(Family::Isolines, promised.count)?;
+        Ok(Some(Law::new(Family::Isolines, [coarse, finer]).candidate(aim, all)))
+    }
+
+    /// Time of neighbours, errors and values of scattered receivers.
+    fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
+        let (errors, arrays) = self.measure(family, count, &self.scattered, 1)?;
+        let (time, _) = self.measure(family, count, &self.tiles, REPEATS)?;
+        Ok((Level { stated: errors.stated, ..time }, arrays))
+    }
+
+    /// Time, the least of at most `repeats`, stated error and values of one method.
+    fn measure(&self, family: Family, count: u32, receivers: &Receivers, repeats: usize) -> Result<(Level, Arrays)> {
+        let control = Unmoved(self.control);
+        let method = family.method(count);
+        let mut least = f64::INFINITY;
+        for repeat in 1.. {
+            let run = || self.prepared.integrate(receivers, self.request, method, None, &control);
+            let Outcome { arrays, done, statistics } = self.alone.install(run)?;
+            if done.iter().any(|done| !done) {
+                return Err(Error::Interrupted);
+            }
+            least = least.min(statistics.processor_seconds);
+            if repeat == repeats || least > SHORT {
+                let level = Level {
+                    count: count.into(),
+                    seconds: least / receivers.len().max(1) as f64,
+                    build: statistics.build_seconds,
+                    rmse: 0.0,
+                    stated: stated(&arrays),
+                };
+                return Ok((level, arrays));
+            }
+        }
+        unreachable!("the loop ends by its repeats")
+    }
+}
+
+/// `wanted` of `all` numbers, evenly spread.
+fn spread(all: usize, wanted: usize) -> impl Iterator<Item = usize> {
+    let wanted = wanted.min(all);
+    (0..wanted).map(move |i| (2 * i + 1) * all / (2 * wanted))
+}
+
+/// About `wanted` receivers in groups as large as tiles, each of those nearest to one of them.
+fn neighbourhoods(positions: &[DVec3], wanted: usize) -> Vec<usize> {
+    let size = wanted.min(TILE_RECEIVERS).min(positions.len());
+    let mut picked = Vec::with_capacity(wanted);
+    for centre in spread(positions.len(), wanted.div_ceil(TILE_RECEIVERS)) {
+        let centre = positions[centre];
+        let mut near: Vec<(f64, usize)> =
+            positions.iter().enumerate().map(|(i, p)| (p.distance_squared(centre), i)).collect();
+        if size < near.len() {
+            near.select_nth_unstable_by(size, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        }
+        picked.extend(near[..size].iter().map(|&(_, index)| index));
+    }
+    picked
+}
+
+/// Root mean square of the difference in the worst array.
+pub(super) fn difference(a: &Arrays, b: &Arrays) -> f64 {
+    let estimated = a.iter().filter(|array| !array.name.ends_with("_error"));
+    let rms =
+        estimated.filter_map(|array| Some(rms(array.data.iter().zip(&b.get(&array.name)?.data).map(|(a, b)| a - b))));
+    rms.fold(0.0, f64::max)
+}
+
+/// Root mean square of the stated errors in the worst array.
+pub(super) fn stated(arrays: &Arrays) -> f64 {
+    let errors = arrays.iter().filter(|array| array.name.ends_with("_error"));
+    errors.map(|array| rms(array.data.iter().copied())).fold(0.0, f64::max)
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = values.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_spread_and_neighbourhoods_hold_the_nearest() {
+        assert_eq!(spread(100, 4).collect::<Vec<_>>(), [12, 37, 62, 87]);
+        assert_eq!(spread(3, 8).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(spread(0, 8).count(), 0);
+        let positions: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i * 7 % 1000)).collect();
+        let picked = neighbourhoods(&positions, 128);
+        assert_eq!(picked.len(), 128);
+        for group in picked.chunks(TILE_RECEIVERS) {
+            let places: Vec<f64> = group.iter().map(|&i| positions[i].x).collect();
+            let (low, high) = places.iter().fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
+            assert_eq!(high - low, 63.0, "64 neighbours on a line, none left out");
+        }
+        assert_eq!(neighbourhoods(&positions[..5], 16).len(), 5);
+        assert!(neighbourhoods(&[], 16).is_empty());
+    }
+
+    #[test]
+    fn power_laws_are_extrapolated_exactly() {
+        let level = |count: f64| Level {
+            count,
+            seconds: 1e-6 * (3.0 + 0.1 * count),
+            build: 0.0,
+            rmse: 2.0 * count.powf(-0.75),
+            stated: 3.0 * count.powf(-0.75),
+        };
+        let both = Law::new(Family::Qmc, [level(64.0), level(512.0)]).candidate(2.0 * 2f64.powf(-9.0), 1000);
+        assert_eq!(both.count, 4096);
+        assert!((both.expected_error / 2.0 * 2f64.powf(9.0) - 1.0).abs() < 1e-9, "{both:?}");
+        assert!((both.expected_seconds - 1e-3 * (3.0 + 409.6)).abs() < 1e-9, "{both:?}");
+        // Without an error at the finer level the stated ones tell how it falls.
+        let one = Law::new(Family::Qmc, [level(64.0), Level { rmse: 0.0, ..level(512.0) }]);
+        assert_eq!(one.candidate(2.0 * 2f64.powf(-9.0), 1000).count, 4096);
+        // Nothing wrong: the least that makes sense.
+        let right = Level { rmse: 0.0, stated: 0.0, ..level(64.0) };
+        assert_eq!(Law::new(Family::Isolines, [right, right]).candidate(1e-3, 10).count, 4);
+    }
+}

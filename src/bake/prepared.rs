@@ -1,0 +1,141 @@
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use dual_bvh::{BuildOptions, DualBvh};
+
+use super::by_rays::ByRays;
+use super::integrate::run;
+use super::layout::Layout;
+use super::solver::Solver;
+use super::{Control, Family, Method, Outcome, Partial, Receivers, Request};
+use crate::reference::RayScene;
+use crate::scene::{Environment, FaceTree, Geometry};
+use crate::visibility::{Skips, Viewer};
+use crate::{Error, Result};
+
+/// A scene made ready for integration: what a method searches in is built when it is first needed, and serves all runs.
+pub struct Prepared<'a> {
+    geometry: &'a Geometry,
+    environment: Option<&'a Environment>,
+    skips: Skips,
+    contours: OnceLock<(DualBvh, FaceTree)>,
+    rays: OnceLock<RayScene>,
+    #[cfg(feature = "embree")]
+    embree: super::by_embree::EmbreeScenes,
+}
+
+impl<'a> Prepared<'a> {
+    /// Nothing is built yet.
+    pub fn new(geometry: &'a Geometry, environment: Option<&'a Environment>) -> Self {
+        Self {
+            geometry,
+            environment,
+            skips: Skips::default(),
+            contours: OnceLock::new(),
+            rays: OnceLock::new(),
+            #[cfg(feature = "embree")]
+            embree: super::by_embree::EmbreeScenes::default(),
+        }
+    }
+
+    /// Leaves out only this work; the results are the same, bit for bit.
+    pub fn with_skips(self, skips: Skips) -> Self {
+        Self { skips, ..self }
+    }
+
+    pub(super) fn skips(&self) -> Skips {
+        self.skips
+    }
+
+    /// The scene.
+    pub fn geometry(&self) -> &'a Geometry {
+        self.geometry
+    }
+
+    /// As [`integrate`](super::integrate), which this is for one run alone. The statistics count what this run built.
+    ///
+    /// # Errors
+    /// As [`integrate`](super::integrate).
+    pub fn integrate(
+        &self,
+        receivers: &Receivers,
+        request: &Request,
+        method: Method,
+        resume: Option<Partial>,
+        control: &dyn Control,
+    ) -> Result<Outcome> {
+        method.check()?;
+        let layout = Layout::new(request, receivers.normals.is_empty())?;
+        if request.gradients && method != Method::Exact {
+            return Err(Error::input(
+                "gradients come from the boundary of the visible region: ask the exact method for them",
+            ));
+        }
+        if request.gradients && !(request.ambient_occlusion || request.visibility_sh || request.transfer_sh) {
+            return Err(Error::input("gradients of what? Ask for occlusion, visibility or transfer vectors, too"));
+        }
+        let light = match (request.irradiance || request.vector_irradiance, self.environment) {
+            (false, _) => None,
+            (true, None) => return Err(Error::input("irradiance was asked for, but there is no environment")),
+            (true, light) => light,
+        };
+        let started = Instant::now();
+        match method {
+            Method::Isolines { .. } | Method::Exact => {
+                let baker = Solver::new(self, light, request, &layout, method)?;
+                run(&baker, &layout, self.geometry, receivers, method, request, resume, started, control)
+            }
+            Method::Qmc { samples, seed } => {
+                let baker = ByRays::new(self, light, request, &layout, samples, seed)?;
+                run(&baker, &layout, self.geometry, receivers, method, request, resume, started, control)
+            }
+            #[cfg(feature = "embree")]
+            Method::Embree { samples, seed, variant } => {
+                let baker =
+                    super::by_embree::ByEmbree::new(self, light, request, &layout, receivers, samples, seed, variant)?;
+                run(&baker, &layout, self.geometry, receivers, method, request, resume, started, control)
+            }
+            #[cfg(not(feature = "embree"))]
+            Method::Embree { .. } => unreachable!("it has just been refused"),
+        }
+    }
+
+    /// Builds what `family` searches in, on all threads.
+    pub(super) fn build(&self, family: Family, receivers: &Receivers) -> Result<()> {
+        match family {
+            Family::Isolines | Family::Exact => self.viewer().map(|_| ()),
+            Family::Qmc => {
+                self.rays();
+                Ok(())
+            }
+            #[cfg(feature = "embree")]
+            Family::Embree => self.embree.get(self.geometry, Default::default(), receivers).map(|_| ()),
+            #[cfg(not(feature = "embree"))]
+            Family::Embree => family.method(0).check(),
+        }
+    }
+
+    /// What finds contours, and the faces along a ray.
+    pub(super) fn viewer(&self) -> Result<Viewer<'_>> {
+        if self.contours.get().is_none() {
+            let (positions, triangles) = (&self.geometry.positions, &self.geometry.triangles);
+            // In this order the two builds need the least memory.
+            let faces = FaceTree::new(positions.clone(), triangles.clone());
+            let edges = DualBvh::build(positions.clone(), triangles.clone(), &BuildOptions::default())?;
+            // Whoever comes second finds the same built.
+            let _ = self.contours.set((edges, faces));
+        }
+        let Some((edges, faces)) = self.contours.get() else { unreachable!("they have just been set") };
+        Ok(Viewer { edges, faces })
+    }
+
+    /// The judge's rays.
+    pub(super) fn rays(&self) -> &RayScene {
+        self.rays.get_or_init(|| RayScene::new(self.geometry))
+    }
+
+    #[cfg(feature = "embree")]
+    pub(super) fn embree(&self) -> &super::by_embree::EmbreeScenes {
+        &self.embree
+    }
+}

@@ -1,0 +1,232 @@
+use std::io::Write;
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::thread;
+
+use clap::Args;
+use clap::builder::RangedU64ValueParser;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::bake::writers::atomically;
+use crate::bake::{Arrays, Method, Outcome, Partial, Prepared, Provenance, Receivers, Request};
+use crate::scene::{Environment, Geometry};
+use crate::{Error, Result};
+
+use super::method::Choice;
+use super::say;
+use super::terminal::Terminal;
+
+/// What is to be integrated where, and how.
+pub struct Work<'a> {
+    pub geometry: &'a Geometry,
+    pub environment: Option<&'a Environment>,
+    pub receivers: &'a Receivers,
+    pub request: &'a Request,
+    pub choice: Choice,
+    /// What else the numbers depend on.
+    pub parameters: Provenance,
+}
+
+impl Work<'_> {
+    /// Provenance of what `method` computes here, this process's command line included.
+    fn provenance(&self, method: Method) -> Provenance {
+        let mut provenance = Provenance { command_line: command_line(), ..Provenance::of(method) };
+        if let Choice::Goal(goal) = self.choice {
+            provenance = provenance.with("error", format_args!("{:e}", goal.error));
+        }
+        provenance.parameters.extend_from_slice(&self.parameters.parameters);
+        provenance
+    }
+}
+
+/// The command that this process was given, as a shell would take it.
+pub fn command_line() -> String {
+    let words = std::env::args_os().map(|word| quoted(&word.to_string_lossy()));
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// A word as a shell would take it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word.into() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+}
+
+/// How the computation runs.
+#[derive(Args)]
+#[command(next_help_heading = "Run")]
+pub struct RunOptions {
+    /// Threads; the results do not depend on it [default: all processors]
+    #[arg(long, value_name = "T", value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    threads: Option<usize>,
+    /// Write what was done, and how fast, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+    /// Go on from what an interrupted run kept
+    #[arg(long)]
+    resume: bool,
+    /// No progress
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// So many threads to work on, or as many as there are processors.
+pub fn threads(wanted: Option<usize>) -> Result<ThreadPool> {
+    let threads = wanted.or_else(|| thread::available_parallelism().ok().map(NonZero::get)).unwrap_or(1);
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|error| Error::input(format!("{threads} threads cannot be started ({error}); ask for fewer")))
+}
+
+impl RunOptions {
+    /// The threads to work on.
+    pub fn pool(&self) -> Result<ThreadPool> {
+        threads(self.threads)
+    }
+
+    /// Integrates, for the file `out`: on from what an interrupted run kept if that is wanted, and by the method that it had chosen.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] after an interruption, of which the finished part is kept; otherwise as
+    /// [`Prepared::integrate`], or when a file cannot be read or written.
+    pub fn integrate(&self, work: &Work, out: &Path, pool: &ThreadPool) -> Result<(Arrays, Provenance)> {
+        let prepared = Prepared::new(work.geometry, work.environment);
+        let terminal = Terminal::new(self.quiet);
+        let part = Partial::path(out);
+        let (method, plan) = match work.choice {
+            Choice::Method(method) => (method, None),
+            Choice::Goal(_) if self.resume => match self.kept(&part)?.integrated_by() {
+                Some(method) => (method, None),
+                None => return Err(Error::file(part, "does not say by what method it was made; begin anew")),
+            },
+            Choice::Goal(goal) => {
+                let plan = pool.install(|| prepared.plan(work.receivers, work.request, goal, &terminal));
+                terminal.finish();
+                let plan = plan?;
+                if !self.quiet {
+                    say(&plan);
+                }
+                (plan.method, Some(plan.report))
+            }
+        };
+        let provenance = work.provenance(method);
+        let resumed = self.resumed(out, &provenance)?;
+        let outcome = pool.install(|| prepared.integrate(work.receivers, work.request, method, resumed, &terminal));
+        terminal.finish();
+        let mut outcome = outcome?;
+        if let Some(plan) = plan {
+            let estimate = plan.estimate(&outcome.arrays);
+            if !self.quiet && outcome.done.iter().all(|&done| done) {
+                say(format_args!("estimated error {estimate:.1e}, of {:.1e} asked for", plan.error));
+            }
+            outcome.statistics.estimated_error = Some(estimate);
+            outcome.statistics.plan = Some(plan);
+        }
+        Ok((self.conclude(outcome, out, &provenance)?, provenance))
+    }
+
+    /// What an interrupted run of the same command has kept, if it is wanted.
+    fn resumed(&self, out: &Path, provenance: &Provenance) -> Result<Option<Partial>> {
+        if !self.resume {
+            return Ok(None);
+        }
+        let part = Partial::path(out);
+        self.kept(&part)?;
+        Partial::read(&part, provenance).map(Some)
+    }
+
+    /// What the run whose finished part is `part` was computing.
+    fn kept(&self, part: &Path) -> Result<Provenance> {
+        match part.exists() {
+            true => Partial::provenance(part),
+            false => Err(Error::file(part, "there is nothing to go on from; leave --resume out")),
+        }
+    }
+
+    /// Removes what an interrupted run had kept, once `out` is written.
+    ///
+    /// # Errors
+    /// When the file cannot be removed.
+    pub fn discard_kept(&self, out: &Path) -> Result<()> {
+        let part = Partial::path(out);
+        match self.resume {
+            true => std::fs::remove_file(&part).map_err(|error| Error::file(&part, error)),
+            false => Ok(()),
+        }
+    }
+
+    /// Ends a run that was to write `out`: gives the arrays of a finished one, keeps the finished part of an
+    /// interrupted one and says so.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] after an interruption; otherwise when a file cannot be written.
+    fn conclude(&self, outcome: Outcome, out: &Path, provenance: &Provenance) -> Result<Arrays> {
+        let Outcome { arrays, done, statistics } = outcome;
+        let part = Partial::path(out);
+        if done.iter().all(|&done| done) {
+            if let Some(stats) = &self.stats {
+                let json = statistics.to_json();
+                atomically(stats, |file| file.write_all(json.as_bytes()).map_err(|error| Error::file(stats, error)))?;
+            }
+            if let (Some(line), false) = (statistics.second_looks(), self.quiet) {
+                say(line);
+            }
+            return Ok(arrays);
+        }
+        let partial = Partial { arrays, done, provenance: provenance.clone() };
+        match partial.finished() {
+            0 => say("stopped before any receiver was finished: nothing is kept"),
+            finished => {
+                partial.write(&part)?;
+                let (all, part) = (partial.done.len(), part.display());
+                say(format_args!(
+                    "stopped: {finished} of {all} receivers are kept in {part}; --resume goes on from there"
+                ));
+            }
+        }
+        Err(Error::Interrupted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::{Array, Statistics};
+
+    #[test]
+    fn words_are_quoted_for_a_shell() {
+        let words = ["bake", "--order=4", "my scene.toml", "it's", "", "$HOME"].map(quoted);
+        assert_eq!(words, ["bake", "--order=4", "'my scene.toml'", r"'it'\''s'", "''", "'$HOME'"]);
+    }
+
+    #[test]
+    fn an_interrupted_run_is_kept_and_a_finished_one_cleans_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let (out, stats) = (folder.path().join("a.npz"), folder.path().join("stats.json"));
+        let provenance = Provenance::new("isolines");
+        let outcome = |done: [bool; 2]| {
+            let mut arrays = Arrays::new();
+            arrays.push(Array::new("ambient_occlusion", [2], vec![0.5, 0.0])).unwrap();
+            Outcome { arrays, done: done.to_vec(), statistics: Statistics::default() }
+        };
+        let options = |resume| RunOptions { threads: None, stats: Some(stats.clone()), resume, quiet: true };
+
+        let nothing = options(false).conclude(outcome([false; 2]), &out, &provenance);
+        assert!(matches!(nothing, Err(Error::Interrupted)));
+        assert!(!Partial::path(&out).exists());
+        options(false).conclude(outcome([true, false]), &out, &provenance).unwrap_err();
+        assert!(!stats.exists());
+        assert!(options(false).resumed(&out, &provenance).unwrap().is_none());
+        assert_eq!(options(true).resumed(&out, &provenance).unwrap().unwrap().done, [true, false]);
+
+        options(true).conclude(outcome([true; 2]), &out, &provenance).unwrap();
+        assert!(Partial::path(&out).exists(), "kept until the result is written");
+        options(true).discard_kept(&out).unwrap();
+        assert!(!Partial::path(&out).exists());
+        let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&stats).unwrap()).unwrap();
+        for key in "receivers method triangles threads build_seconds integrate_seconds contours_per_receiver depth_alarms skipped"
+            .split(' ')
+        {
+            assert!(json.get(key).is_some(), "{key}");
+        }
+        assert!(json["skipped"].is_object());
+    }
+}
