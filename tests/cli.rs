@@ -588,3 +588,60 @@ fn embree_integrates_what_the_judge_does() {
     let [one, two] = ["embree.npz", "again.npz"].map(|name| writers::npz::read(&folder.join(name)).unwrap().arrays);
     assert!(one == two, "the threads do not matter");
 }
+
+#[test]
+fn films_and_judgements_are_written_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = r#"
+[[mesh]]
+shape.plane = { size = [8, 8] }
+
+[[character]]
+walker = { circle = 1.0, spheres = 20 }
+
+[environment]
+sky = { elevation = 50 }
+
+[camera]
+position = [0, 3, 6]
+look_at = [0, 0.8, 0]
+resolution = [64, 48]
+"#;
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    let said = succeeds(folder, "animate scene.toml --frames 3 --bake 4 --turn-light 20 -q -o film");
+    assert!(said.contains("3 frames, 20 spheres"), "{said}");
+    let mut names: Vec<_> = listing(&folder.join("film"));
+    names.sort();
+    let expected = ["contact_sheet.png", "frame_0000.png", "frame_0001.png", "frame_0002.png"];
+    assert_eq!(names[..4], expected);
+    assert_eq!(names[4..], ["frames.csv", "frames.json", "frames.png"]);
+    let picture = image::open(folder.join("film/frame_0001.png")).unwrap();
+    assert_eq!((picture.width(), picture.height()), (64, 48));
+
+    let table = succeeds(folder, "judge scene.toml --size 16 --samples 16 --isolines 8 -q -o verdict");
+    assert!(table.contains("| exponential | ol |") && table.contains("| spheres | 40 |"), "{table}");
+    for name in ["judgement.csv", "judgement.md", "differences.png"] {
+        assert!(folder.join("verdict").join(name).exists(), "{name}");
+    }
+}
+
+#[test]
+fn what_proxies_cannot_do_is_said_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let lines = |text: String, why: &str| {
+        assert_eq!(text.lines().count(), 1, "{text}");
+        assert!(text.contains(why), "{text}");
+    };
+    lines(fails(folder, "animate room -o film", 1), "no [[character]]");
+    lines(fails(folder, "animate --spheres 12 -o film", 1), "walker: 3 spheres; it needs 10 to");
+    let bad = "[[character]]\nwalker = { height = -1 }\n";
+    std::fs::write(folder.join("bad.toml"), bad).unwrap();
+    lines(fails(folder, "animate bad.toml -o film", 1), "bad.toml:2: walker: circle, height and pace must be positive");
+    std::fs::write(folder.join("dark.toml"), "[[character]]\nwalker = {}\n").unwrap();
+    assert!(fails(folder, "animate dark.toml -o film", 2).contains("--environment"));
+    assert!(fails(folder, "animate --internal-order 3 -o film", 2).contains("less than --order 4"));
+    lines(fails(folder, "animate --device gpu -o film", 1), "--features gpu");
+    assert!(listing(folder).iter().all(|name| name.ends_with(".toml")));
+}

@@ -4,9 +4,9 @@ use clap::Args;
 use glam::{DMat3, DVec3};
 
 use crate::bake::{Control, Method};
-use crate::proxy::{DistantLight, Posed, Renderer, Walker, baked_surface, static_surface};
+use crate::proxy::{Actor, DistantLight, Posed, Renderer, baked_surface, static_surface};
 use crate::report::Film;
-use crate::scene::{Environment, Scene};
+use crate::scene::{Body, Environment, Scene};
 use crate::{Error, Result};
 
 use super::options::{LightOptions, framing, magnitude, scene};
@@ -74,7 +74,7 @@ impl Animate {
         self.device.check()?;
         let settings = self.proxies.settings()?;
         let scene = animated(self.scene.as_deref())?;
-        let actors = with_spheres(scene.characters, self.spheres)?;
+        let bodies = with_spheres(scene.characters, self.spheres)?;
         let environment = lighting(&self.light, scene.environment)?;
         let camera = match &scene.camera {
             Some(camera) => camera.clone(),
@@ -87,6 +87,7 @@ impl Animate {
         let pool = threads(self.threads)?;
         let terminal = Terminal::new(self.quiet);
         let film = pool.install(|| -> Result<Film> {
+            let actors = bodies.iter().map(|body| Actor::new(body, &terminal)).collect::<Result<Vec<_>>>()?;
             let set = match self.bake {
                 0 => static_surface(&scene.geometry, camera.position()),
                 lines => {
@@ -107,7 +108,7 @@ impl Animate {
                     let turn = DMat3::from_axis_angle(DVec3::Y, (self.turn_light * time).to_radians());
                     renderer.set_light(&light.rotated(turn), Some(&environment));
                 }
-                let Stage { bodies, proxies } = Stage::new(&actors, time);
+                let Stage { bodies, proxies } = Stage::new(&actors, time)?;
                 let statistics = renderer.render(&bodies, &proxies)?;
                 let [width, height] = renderer.size();
                 let picture = film.add(width, height, renderer.radiance(), statistics);
@@ -145,14 +146,14 @@ pub struct Stage {
 
 impl Stage {
     /// The actors `time` seconds after they started.
-    pub fn new(actors: &[Walker], time: f64) -> Self {
+    pub fn new(actors: &[Actor], time: f64) -> Result<Self> {
         let mut stage = Self { bodies: Vec::new(), proxies: Vec::new() };
         for (body, actor) in (0u32..).zip(actors) {
-            let Posed { surface, proxies } = actor.pose(time, body);
+            let Posed { surface, proxies } = actor.pose(time, body)?;
             stage.bodies.push(surface);
             stage.proxies.extend(proxies);
         }
-        stage
+        Ok(stage)
     }
 }
 
@@ -169,15 +170,15 @@ pub fn animated(named: Option<&std::path::Path>) -> Result<Scene> {
 }
 
 /// The characters with `spheres` in all, if that is given.
-pub fn with_spheres(mut actors: Vec<Walker>, spheres: Option<usize>) -> Result<Vec<Walker>> {
+pub fn with_spheres(mut bodies: Vec<Body>, spheres: Option<usize>) -> Result<Vec<Body>> {
     if let Some(spheres) = spheres {
-        let count = actors.len();
-        for (i, actor) in actors.iter_mut().enumerate() {
-            actor.spheres = spheres / count + usize::from(i < spheres % count);
-            actor.check()?;
+        let count = bodies.len();
+        for (i, body) in bodies.iter_mut().enumerate() {
+            *body.spheres_mut() = spheres / count + usize::from(i < spheres % count);
+            body.check()?;
         }
     }
-    Ok(actors)
+    Ok(bodies)
 }
 
 /// The light named on the command line, else the scene's.

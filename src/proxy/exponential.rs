@@ -21,6 +21,9 @@ pub enum Exponential {
     Ps2,
     /// The exact exponential of the product matrix, in double precision: the judge of the others, slow.
     Matrix,
+    /// None: the product itself in 264 directions ([`direct_product`](super::direct_product)). Half the error of four bands,
+    /// and slow.
+    Direct,
 }
 
 impl fmt::Display for Exponential {
@@ -30,6 +33,7 @@ impl fmt::Display for Exponential {
             Self::Hyb => "hyb",
             Self::Ps2 => "ps2",
             Self::Matrix => "matrix",
+            Self::Direct => "direct",
         })
     }
 }
@@ -163,7 +167,8 @@ impl Exponentiator {
     #[inline(always)]
     pub(super) fn exponentiate<const LEN: usize>(&self, f: [Lanes; LEN]) -> [Lanes; LEN] {
         assert_eq!(LEN, self.order.len());
-        if self.kind == Exponential::Matrix {
+        // Whoever wants no logarithms has none to bring back: those that come are brought back exactly.
+        if matches!(self.kind, Exponential::Matrix | Exponential::Direct) {
             return self.by_matrix(f);
         }
         let scale = Lanes::each(|i| (f[0].0[i] / ONE).exp());
@@ -173,7 +178,7 @@ impl Exponentiator {
         let bound = match self.kind {
             Exponential::Hyb => HYB_BOUND,
             Exponential::Ps2 => PS2_BOUND,
-            Exponential::Ol | Exponential::Matrix => f32::INFINITY,
+            _ => f32::INFINITY,
         };
         // Fewest halvings that bring the norm to the bound; a norm that is not finite gets none.
         let halvings = norm.0.map(|norm| {
@@ -207,7 +212,9 @@ impl Exponentiator {
             let squared = self.square(&g);
             // A lane with fewer halvings joins in later.
             let waits = Lanes::each(|i| (step - (most - halvings[i])) as f32);
-            g = std::array::from_fn(|k| waits.where_below(Lanes::ZERO, g[k], squared[k]));
+            for (g, squared) in g.iter_mut().zip(squared) {
+                *g = waits.where_below(Lanes::ZERO, *g, squared);
+            }
         }
         g.map(|g| g * scale)
     }

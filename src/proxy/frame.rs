@@ -4,7 +4,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::coverage::Coverage;
-use super::exponential::Exponentiator;
+use super::direct_product::{DirectProduct, direct_product};
+use super::exponential::{Exponential, Exponentiator};
 use super::exponentiate::exponentiate;
 use super::harmonic_buffer::HarmonicBuffer;
 use super::indirect::IndirectTable;
@@ -28,6 +29,7 @@ pub struct Renderer {
     light: Light,
     log_table: LogTable,
     exponentiator: Exponentiator,
+    direct: Option<DirectProduct>,
     indirect_table: Option<IndirectTable>,
     background: Option<Environment>,
     stages: Stages,
@@ -163,6 +165,7 @@ impl Renderer {
             light: Light::new(light, &settings),
             log_table: LogTable::new(settings.internal_order),
             exponentiator: Exponentiator::new(settings.exponential, settings.internal_order),
+            direct: (settings.exponential == Exponential::Direct).then(|| DirectProduct::new(settings.order)),
             indirect_table: settings.indirect.map(IndirectTable::new),
             background: background.cloned(),
             stages: Stages::default(),
@@ -258,6 +261,7 @@ impl Renderer {
             light: &self.light,
             log_table: &self.log_table,
             exponentiator: &self.exponentiator,
+            direct: self.direct.as_ref(),
             indirect_table: self.indirect_table.as_ref(),
         };
         passes.run(receivers, proxies, &mut self.stages, &mut statistics);
@@ -335,6 +339,7 @@ struct Passes<'a> {
     light: &'a Light,
     log_table: &'a LogTable,
     exponentiator: &'a Exponentiator,
+    direct: Option<&'a DirectProduct>,
     indirect_table: Option<&'a IndirectTable>,
 }
 
@@ -342,9 +347,15 @@ impl Passes<'_> {
     fn run(&self, receivers: &Receivers, proxies: &[Proxy], stages: &mut Stages, statistics: &mut FrameStatistics) {
         let mut clock = Clock(Instant::now());
         let rule = self.settings.self_shadowing;
-        let counts = splat(receivers, proxies, self.log_table, rule, self.light.shadows, &mut stages.log);
+        let shadows = self.light.shadows;
+        let counts = match self.direct {
+            Some(direct) => direct_product(receivers, proxies, direct, rule, shadows, &mut stages.visibility),
+            None => splat(receivers, proxies, self.log_table, rule, shadows, &mut stages.log),
+        };
         statistics.splat_seconds = clock.lap();
-        statistics.unshadowed_groups = exponentiate(&stages.log, self.exponentiator, &mut stages.visibility);
+        if self.direct.is_none() {
+            statistics.unshadowed_groups = exponentiate(&stages.log, self.exponentiator, &mut stages.visibility);
+        }
         statistics.exponentiate_seconds = clock.lap();
         let (tiles, empty_tiles, mut pairs) = (counts.tiles, counts.empty_tiles, counts.pairs);
 

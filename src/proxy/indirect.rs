@@ -194,24 +194,23 @@ pub(super) fn irradiance_per_solid_angle(
     normal: [Lanes; 3],
 ) -> [Lanes; 3] {
     let c = dot(axis, normal);
-    let parts = |colour: usize| {
-        let q = light.quadratic[colour];
-        let image = apply(q, axis);
-        (light.constant[colour], vector(light.linear[colour], axis), dot(image, axis), image)
-    };
+    let mut out = [Lanes::ZERO; 3];
     if table.operator != IndirectOperator::Exact {
         let [w0, w1, w2] = table.at::<3>(u);
         let cosine = cap_cosine(u, c);
-        return std::array::from_fn(|colour| {
-            let (constant, linear, quadratic, _) = parts(colour);
-            (w0 * constant + w1 * linear + w2 * quadratic) * cosine
-        });
+        for (colour, out) in out.iter_mut().enumerate() {
+            let linear = vector(light.linear[colour], axis);
+            let quadratic = dot(apply(light.quadratic[colour], axis), axis);
+            *out = (w0 * light.constant[colour] + w1 * linear + w2 * quadratic) * cosine;
+        }
+        return out;
     }
     let m = table.at::<14>(u);
     // The frame (x, y, z = axis) with the normal (s, 0, c).
     let s = (Lanes::splat(1.0) - c * c).max(Lanes::splat(1e-12)).sqrt();
     let inverse = Lanes::splat(1.0) / s;
-    let x: [Lanes; 3] = std::array::from_fn(|k| (normal[k] - axis[k] * c) * inverse);
+    let across = |k: usize| (normal[k] - axis[k] * c) * inverse;
+    let x = [across(0), across(1), across(2)];
     // y_lm of the normal for m >= 0.
     let y = [
         Lanes::splat(0.282_094_8),
@@ -221,19 +220,21 @@ pub(super) fn irradiance_per_solid_angle(
         s * c * 1.092_548_4,
         s * s * 0.546_274_2,
     ];
-    std::array::from_fn(|colour| {
-        let (constant, linear, quadratic, image) = parts(colour);
+    for (colour, out) in out.iter_mut().enumerate() {
+        let (constant, linear) = (light.constant[colour], vector(light.linear[colour], axis));
+        let image = apply(light.quadratic[colour], axis);
+        let quadratic = dot(image, axis);
         let across = vector(light.linear[colour], x);
         let mixed = dot(image, x) * 2.0;
         let twice = dot(apply(light.quadratic[colour], x), x) * 2.0 + quadratic;
-        let row = |i: usize| m[3 * i] * constant + m[3 * i + 1] * linear + m[3 * i + 2] * quadratic;
-        y[0] * row(0)
-            + y[1] * row(1)
-            + y[2] * row(2)
-            + y[3] * (m[9] * across + m[10] * mixed)
-            + y[4] * (m[11] * across + m[12] * mixed)
-            + y[5] * (m[13] * twice)
-    })
+        for i in 0..3 {
+            *out += y[i] * (m[3 * i] * constant + m[3 * i + 1] * linear + m[3 * i + 2] * quadratic);
+        }
+        *out += y[3] * (m[9] * across + m[10] * mixed);
+        *out += y[4] * (m[11] * across + m[12] * mixed);
+        *out += y[5] * (m[13] * twice);
+    }
+    out
 }
 
 /// V . H over the solid angle: irradiance from a cap of radiance 1, in three bands, sum of V_l h_l P_l(c).

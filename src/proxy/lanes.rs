@@ -27,8 +27,13 @@ impl Lanes {
 
     /// `f` of every lane's number.
     #[inline(always)]
-    pub fn each(f: impl FnMut(usize) -> f32) -> Self {
-        Self(std::array::from_fn(f))
+    pub fn each(mut f: impl FnMut(usize) -> f32) -> Self {
+        // A loop: closures that the standard library calls for arrays are not always inlined, and then lack AVX2.
+        let mut lanes = Self::ZERO;
+        for (i, lane) in lanes.0.iter_mut().enumerate() {
+            *lane = f(i);
+        }
+        lanes
     }
 
     /// Eight neighbours out of a plane of numbers.
@@ -41,32 +46,48 @@ impl Lanes {
 
     /// Square roots.
     #[inline(always)]
-    pub fn sqrt(self) -> Self {
-        Self::each(|i| self.0[i].sqrt())
+    pub fn sqrt(mut self) -> Self {
+        for i in 0..LANES {
+            self.0[i] = self.0[i].sqrt();
+        }
+        self
     }
 
     /// The lesser of two.
     #[inline(always)]
-    pub fn min(self, other: Self) -> Self {
-        Self::each(|i| if self.0[i] < other.0[i] { self.0[i] } else { other.0[i] })
+    pub fn min(mut self, other: Self) -> Self {
+        for i in 0..LANES {
+            self.0[i] = if self.0[i] < other.0[i] { self.0[i] } else { other.0[i] };
+        }
+        self
     }
 
     /// The greater of two.
     #[inline(always)]
-    pub fn max(self, other: Self) -> Self {
-        Self::each(|i| if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] })
+    pub fn max(mut self, other: Self) -> Self {
+        for i in 0..LANES {
+            self.0[i] = if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] };
+        }
+        self
     }
 
     /// Whether any lane is below its bound.
     #[inline(always)]
     pub fn any_below(self, bound: Self) -> bool {
-        (0..LANES).fold(false, |any, i| any | (self.0[i] < bound.0[i]))
+        let mut any = false;
+        for i in 0..LANES {
+            any |= self.0[i] < bound.0[i];
+        }
+        any
     }
 
     /// `below` where a lane is below its bound, else `otherwise`.
     #[inline(always)]
-    pub fn where_below(self, bound: Self, below: Self, otherwise: Self) -> Self {
-        Self::each(|i| if self.0[i] < bound.0[i] { below.0[i] } else { otherwise.0[i] })
+    pub fn where_below(self, bound: Self, below: Self, mut otherwise: Self) -> Self {
+        for i in 0..LANES {
+            otherwise.0[i] = if self.0[i] < bound.0[i] { below.0[i] } else { otherwise.0[i] };
+        }
+        otherwise
     }
 
     /// 3 t^2 - 2 t^3 of t clamped to [0, 1].
@@ -83,8 +104,11 @@ macro_rules! operator {
             type Output = Self;
 
             #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                Self::each(|i| self.0[i] $op other.0[i])
+            fn $method(mut self, other: Self) -> Self {
+                for i in 0..LANES {
+                    self.0[i] = self.0[i] $op other.0[i];
+                }
+                self
             }
         }
 
@@ -92,8 +116,11 @@ macro_rules! operator {
             type Output = Self;
 
             #[inline(always)]
-            fn $method(self, other: f32) -> Self {
-                Self::each(|i| self.0[i] $op other)
+            fn $method(mut self, other: f32) -> Self {
+                for i in 0..LANES {
+                    self.0[i] = self.0[i] $op other;
+                }
+                self
             }
         }
     };
@@ -115,8 +142,11 @@ impl Neg for Lanes {
     type Output = Self;
 
     #[inline(always)]
-    fn neg(self) -> Self {
-        Self::each(|i| -self.0[i])
+    fn neg(mut self) -> Self {
+        for i in 0..LANES {
+            self.0[i] = -self.0[i];
+        }
+        self
     }
 }
 

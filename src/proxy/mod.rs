@@ -1,13 +1,27 @@
 //! Sphere proxies: blockers and bouncers of light that move and deform, where contours would have to be found anew.
 //!
 //! The renderer of Sloan, Govindaraju, Nowrouzezahrai and Snyder, *Image-Based Proxy Accumulation for Real-Time Soft Global
-//! Illumination* (2007), in stages with plain buffers between them.
+//! Illumination* (2007), in stages with plain buffers between them:
+//!
+//! | stage | from | to |
+//! |---|---|---|
+//! | receiver set-up, [`draw`] | [`Surface`]s and a camera | [`Receivers`]: positions, normals, albedo, depth, transfer vectors |
+//! | [`splat()`] | receivers and [`Proxy`]s in reach | log visibility, [`HarmonicBuffer`] |
+//! | [`exponentiate`] | log visibility | visibility |
+//! | [`splat_indirect()`] | receivers and proxies in reach | reflected irradiance and summed solid angle |
+//! | [`shade()`] | visibility, reflected irradiance, light | [`Shading`]: hidden light and reflected irradiance |
+//! | [`upsample()`] | the shading of coarse receivers | radiance of every pixel of the display |
+//!
+//! [`Renderer`] runs them. What is stored is the light that proxies *hide*: without proxies a picture is that of the unshadowed
+//! scene to the bit, and only pixels that some proxy reaches are touched. [`Truth`] judges the result.
 
+mod actor;
 mod basis;
 mod character;
 mod clip;
 mod cover;
 mod coverage;
+mod direct_product;
 mod exponential;
 mod exponentiate;
 mod fit;
@@ -35,10 +49,12 @@ mod upsample;
 mod walker;
 mod zonal_log;
 
+pub use actor::{Actor, Skinned};
 pub use basis::{MAX_BANDS, basis};
 pub use character::{Character, Pose};
 pub use clip::Clip;
 pub use coverage::Coverage;
+pub use direct_product::{DirectProduct, direct_product};
 pub use exponential::{Exponential, Exponentiator, ONE, OptimalLinear, SquareTerm, matrix_exponential};
 pub use exponentiate::exponentiate;
 pub use fit::fit;
@@ -62,5 +78,5 @@ pub use surface::Surface;
 pub use tightness::Tightness;
 pub use truth::Truth;
 pub use upsample::{Resampling, UpsampleCounts, Upsampling, gather, scatter, upsample};
-pub use walker::{Posed, Walker};
+pub use walker::Posed;
 pub use zonal_log::{LogTable, log_visibility};

@@ -196,17 +196,28 @@ fn project(
     })
 }
 
-/// Twice the signed area of (a, b, p): the same number with the other sign when a and b change places, to the bit.
-fn edge(a: DVec2, b: DVec2, p: DVec2) -> f64 {
-    let ordered = (a.x, a.y) < (b.x, b.y);
-    let (from, to) = if ordered { (a, b) } else { (b, a) };
-    let area = (to - from).perp_dot(p - from);
-    if ordered { area } else { -area }
+/// An edge of a triangle, ready to tell the side of points.
+struct Edge {
+    from: DVec2,
+    along: DVec2,
+    /// -1 where the edge is taken backwards.
+    sign: f64,
+    /// Whether points on it belong to the triangle on its positive side: to one of the two at every edge.
+    owns: bool,
 }
 
-/// Whether points on the edge from a to b belong to the triangle on its positive side: to one of the two at every edge.
-fn owns(a: DVec2, b: DVec2) -> bool {
-    (a.x, a.y) < (b.x, b.y)
+impl Edge {
+    /// From a to b.
+    fn new(a: DVec2, b: DVec2) -> Self {
+        let owns = (a.x, a.y) < (b.x, b.y);
+        let (from, to) = if owns { (a, b) } else { (b, a) };
+        Self { from, along: to - from, sign: if owns { 1.0 } else { -1.0 }, owns }
+    }
+
+    /// Twice the signed area of the edge and p: the same number with the other sign for the edge turned round, to the bit.
+    fn area(&self, p: DVec2) -> f64 {
+        self.sign * self.along.perp_dot(p - self.from)
+    }
 }
 
 /// Some rows of all planes of receivers.
@@ -251,7 +262,7 @@ impl<'a> Rows<'a> {
         // Positive inside, whichever way round the triangle appears.
         let turn = part.area.signum();
         let edges = if turn > 0.0 { [(b, c), (c, a), (a, b)] } else { [(c, b), (a, c), (b, a)] };
-        let owns = edges.map(|(a, b)| owns(a, b));
+        let edges = edges.map(|(a, b)| Edge::new(a, b));
         let corners = surface.triangles[part.triangle as usize].map(|v| v as usize);
         let albedo = surface.albedo[part.triangle as usize];
         let eye = viewport.camera.position();
@@ -259,8 +270,8 @@ impl<'a> Rows<'a> {
             let mut entered = false;
             for x in part.columns.clone() {
                 let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let areas = edges.map(|(a, b)| edge(a, b, p));
-                if !(0..3).all(|k| areas[k] > 0.0 || (areas[k] == 0.0 && owns[k])) {
+                let areas = [edges[0].area(p), edges[1].area(p), edges[2].area(p)];
+                if !(0..3).all(|k| areas[k] > 0.0 || (areas[k] == 0.0 && edges[k].owns)) {
                     // Rows of a triangle have no gaps.
                     if entered {
                         break;

@@ -69,21 +69,27 @@ impl Receivers {
     }
 
     /// Place of pixel (x, y) in every plane.
+    #[inline(always)]
     pub fn index(&self, x: usize, y: usize) -> usize {
         y * self.stride + x
     }
 
     /// The point at a place.
+    #[inline(always)]
     pub fn point(&self, index: usize) -> Vec3 {
-        Vec3::from(self.position.each_ref().map(|plane| plane[index]))
+        let [x, y, z] = &self.position;
+        Vec3::new(x[index], y[index], z[index])
     }
 
     /// The normal at a place.
+    #[inline(always)]
     pub fn normal_at(&self, index: usize) -> Vec3 {
-        Vec3::from(self.normal.each_ref().map(|plane| plane[index]))
+        let [x, y, z] = &self.normal;
+        Vec3::new(x[index], y[index], z[index])
     }
 
     /// Whether something is seen at a place.
+    #[inline(always)]
     pub fn is_seen(&self, index: usize) -> bool {
         self.depth[index] < Self::NOTHING
     }

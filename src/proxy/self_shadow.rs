@@ -153,7 +153,7 @@ pub(super) fn seen(
     radius: f32,
     normal: [Lanes; 3],
 ) -> Seen {
-    let axis = offset.map(|x| x * inverse);
+    let axis = [offset[0] * inverse, offset[1] * inverse, offset[2] * inverse];
     let one = Lanes::splat(1.0);
     let alpha = (inverse * radius).min(one);
     let elevation = axis[0] * normal[0] + axis[1] * normal[1] + axis[2] * normal[2];

@@ -279,8 +279,8 @@ dispatch! {
 #[inline(always)]
 fn scatter(values: &mut [[f32; 4]], len: usize, row: usize, colours: &[Lanes; 3]) {
     for lane in 0..LANES {
-        let [r, g, b] = colours.each_ref().map(|colour| colour.0[lane]);
-        values[lane * len + row] = [r, g, b, 0.0];
+        let [r, g, b] = colours;
+        values[lane * len + row] = [r.0[lane], g.0[lane], b.0[lane], 0.0];
     }
 }
 
@@ -292,13 +292,15 @@ fn reflected(indirect: &[Lanes], blocked: Lanes) -> [Lanes; 3] {
     let ratio = union / solid_angle.max(Lanes::splat(f32::MIN_POSITIVE));
     let weight = Lanes::ZERO.where_below(solid_angle, ratio.min(Lanes::splat(1.0)), Lanes::ZERO);
     // The cosine's three bands are negative somewhere behind the receiver.
-    std::array::from_fn(|colour| (indirect[colour] * weight).max(Lanes::ZERO))
+    let colour = |k: usize| (indirect[k] * weight).max(Lanes::ZERO);
+    [colour(0), colour(1), colour(2)]
 }
 
 /// Radiance of a diffuse surface under an irradiance.
 #[inline(always)]
-pub(super) fn radiance(albedo: [f32; 3], irradiance: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|colour| albedo[colour] * (1.0 / PI) * irradiance[colour])
+pub(super) fn radiance([r, g, b]: [f32; 3], irradiance: [f32; 3]) -> [f32; 3] {
+    let [x, y, z] = irradiance;
+    [r * (1.0 / PI) * x, g * (1.0 / PI) * y, b * (1.0 / PI) * z]
 }
 
 /// Bands up to which [`basis`] reaches are those of the longest transfer vector.

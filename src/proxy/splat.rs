@@ -96,39 +96,44 @@ pub(super) fn by_bands(
     total
 }
 
-/// Calls `tile` with the groups (columns) of every tile of a band that holds receivers within reach of proxies, and the list
-/// of these.
-#[inline(always)]
+/// The tiles of a band that hold receivers within reach of proxies.
+#[derive(Default)]
+pub(super) struct Tiles {
+    pub(super) counts: SplatCounts,
+    /// Groups (columns) of every tile, and where the proxies that reach it stand in `lists`.
+    pub(super) tiles: Vec<(Range<usize>, Range<usize>)>,
+    pub(super) lists: Vec<u32>,
+}
+
+/// Finds the tiles of a band of `rows`.
 pub(super) fn tiles(
     receivers: &Receivers,
     proxies: &[Proxy],
     coverage: Coverage,
     rows: Range<usize>,
     reached: &mut [bool],
-    mut tile: impl FnMut(Range<usize>, &[u32]),
-) -> SplatCounts {
-    let mut counts = SplatCounts::default();
-    let mut list = Vec::with_capacity(proxies.len());
+) -> Tiles {
+    let mut found = Tiles::default();
     for first in (0..receivers.groups()).step_by(TILE_GROUPS) {
         let groups = first..(first + TILE_GROUPS).min(receivers.groups());
-        counts.tiles += 1;
-        list.clear();
+        found.counts.tiles += 1;
+        let start = found.lists.len();
         if let Some((centre, radius)) = bounds(receivers, rows.clone(), groups.clone()) {
             for (i, proxy) in (0u32..).zip(proxies) {
                 let reach = coverage.reach(proxy.radius) + radius;
                 if proxy.center.distance_squared(centre) < reach * reach {
-                    list.push(i);
+                    found.lists.push(i);
                     reached[i as usize] = true;
                 }
             }
         }
-        if list.is_empty() {
-            counts.empty_tiles += 1;
+        if found.lists.len() == start {
+            found.counts.empty_tiles += 1;
         } else {
-            tile(groups, &list);
+            found.tiles.push((groups, start..found.lists.len()));
         }
     }
-    counts
+    found
 }
 
 /// A ball around the receivers of a tile, if it has any.
@@ -154,15 +159,20 @@ pub(super) struct Group {
 impl Group {
     #[inline(always)]
     pub(super) fn load(receivers: &Receivers, first: usize) -> Self {
-        let load = |planes: &[Vec<f32>; 3]| std::array::from_fn(|axis| Lanes::load(&planes[axis], first));
-        Self { position: load(&receivers.position), normal: load(&receivers.normal) }
+        let [px, py, pz] = &receivers.position;
+        let [nx, ny, nz] = &receivers.normal;
+        Self {
+            position: [Lanes::load(px, first), Lanes::load(py, first), Lanes::load(pz, first)],
+            normal: [Lanes::load(nx, first), Lanes::load(ny, first), Lanes::load(nz, first)],
+        }
     }
 
     /// How the group sees a proxy: none if it is out of every receiver's reach, or of no weight.
     #[inline(always)]
     pub(super) fn see(&self, proxy: &Proxy, rule: SelfShadowing, coverage: Coverage) -> Option<Seen> {
-        let centre = proxy.center.to_array();
-        let offset: [Lanes; 3] = std::array::from_fn(|k| Lanes::splat(centre[k]) - self.position[k]);
+        let [x, y, z] = self.position;
+        let Vec3 { x: cx, y: cy, z: cz } = proxy.center;
+        let offset = [Lanes::splat(cx) - x, Lanes::splat(cy) - y, Lanes::splat(cz) - z];
         let squared = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
         let reach = coverage.reach(proxy.radius);
         if !squared.any_below(Lanes::splat(reach * reach)) {
@@ -188,15 +198,16 @@ dispatch! {
         out: &mut [Lanes],
         reached: &mut [bool],
     ) -> SplatCounts {
-        let mut pairs = 0;
-        let mut counts = tiles(receivers, proxies, coverage, rows.clone(), reached, |groups, list| {
+        let Tiles { mut counts, tiles, lists } = tiles(receivers, proxies, coverage, rows.clone(), reached);
+        for (groups, list) in tiles {
+            let list = &lists[list];
             for y in rows.clone() {
                 for column in groups.clone() {
                     let group = Group::load(receivers, receivers.index(column * LANES, y));
                     let mut sum = [Lanes::ZERO; LEN];
                     for &i in list {
                         let Some(seen) = group.see(&proxies[i as usize], rule, coverage) else { continue };
-                        pairs += 1;
+                        counts.pairs += 1;
                         let mut bands = [Lanes::ZERO; BANDS];
                         for lane in 0..LANES {
                             let row = table.row(seen.u.0[lane]);
@@ -204,9 +215,9 @@ dispatch! {
                                 bands[l].0[lane] = row[l];
                             }
                         }
-                        bands.iter_mut().for_each(|band| *band = *band * seen.weight);
                         let y: [Lanes; LEN] = basis::<BANDS, LEN>(seen.axis);
                         for l in 0..BANDS {
+                            bands[l] = bands[l] * seen.weight;
                             for k in l * l..(l + 1) * (l + 1) {
                                 sum[k] += y[k] * bands[l];
                             }
@@ -216,8 +227,7 @@ dispatch! {
                     out[place..place + LEN].copy_from_slice(&sum);
                 }
             }
-        });
-        counts.pairs = pairs;
+        }
         counts
     }
 }

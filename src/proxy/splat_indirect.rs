@@ -9,7 +9,7 @@ use super::indirect::{IndirectTable, irradiance_per_solid_angle};
 use super::lanes::{LANES, Lanes, dispatch};
 use super::light::ReflectedLight;
 use super::self_shadow::SelfShadowing;
-use super::splat::{Group, SplatCounts, by_bands, tiles};
+use super::splat::{Group, SplatCounts, Tiles, by_bands, tiles};
 use super::{Proxy, Receivers};
 
 /// Numbers per receiver that the pass gives: irradiance in three colours, then the summed solid angle, both faded.
@@ -48,8 +48,9 @@ dispatch! {
         out: &mut [Lanes],
         reached: &mut [bool],
     ) -> SplatCounts {
-        let mut pairs = 0;
-        let mut counts = tiles(receivers, proxies, coverage, rows.clone(), reached, |groups, list| {
+        let Tiles { mut counts, tiles, lists } = tiles(receivers, proxies, coverage, rows.clone(), reached);
+        for (groups, list) in tiles {
+            let list = &lists[list];
             for y in rows.clone() {
                 for column in groups.clone() {
                     let group = Group::load(receivers, receivers.index(column * LANES, y));
@@ -57,7 +58,7 @@ dispatch! {
                     for &i in list {
                         let proxy = &proxies[i as usize];
                         let Some(seen) = group.see(proxy, rule, coverage) else { continue };
-                        pairs += 1;
+                        counts.pairs += 1;
                         let solid_angle = seen.u * seen.weight * TAU;
                         let irradiance = irradiance_per_solid_angle(table, light, seen.axis, seen.u, group.normal);
                         for colour in 0..3 {
@@ -69,8 +70,7 @@ dispatch! {
                     out[place..place + INDIRECT_LEN].copy_from_slice(&sum);
                 }
             }
-        });
-        counts.pairs = pairs;
+        }
         counts
     }
 }

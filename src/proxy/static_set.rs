@@ -142,7 +142,9 @@ mod tests {
         let cube = geometry(Cuboid { divisions: 1, ..Cuboid::default() }.mesh().unwrap());
         let order = Order::new(4).unwrap();
         let surface = baked_surface(&cube, DVec3::splat(9.0), order, Method::Exact, &()).unwrap();
-        for (n, transfer) in surface.normals.iter().zip(surface.transfer.chunks_exact(16)) {
+        let vertices = surface.positions.iter().zip(&surface.normals).zip(surface.transfer.chunks_exact(16));
+        // The three sides that the eye sees; the others are turned inwards, where there is something in the way.
+        for ((_, n), transfer) in vertices.filter(|((p, n), _)| p.dot(**n) > 0.0) {
             for (t, c) in transfer.iter().zip(clamped_cosine(order, n.as_dvec3())) {
                 assert!((f64::from(*t) - c).abs() < 1e-5, "{t} {c}");
             }

@@ -37,8 +37,6 @@ pub struct Resampling {
     pub pixel: f32,
 }
 
-/// Exponent of the cosine between normals, equation 11.
-const NORMAL_EXPONENT: i32 = 32;
 /// The distance from the pixel's tangent plane that halves a receiver's weight, over the receiver's footprint.
 ///
 /// The paper compares depths. Those of a slanted plane differ from receiver to receiver; distances from the plane do not.
@@ -131,8 +129,10 @@ dispatch! {
             let y = first + row;
             let (y0, y1, ty) = neighbours(y, scale, coarse.height());
             for ((x, out), &(x0, x1, tx)) in out.iter_mut().enumerate().zip(&columns) {
-                let samples = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| coarse.index(x, y));
-                if !samples.iter().any(|&i| shading.touched[i]) {
+                let [above, below] = [y0 * coarse.stride(), y1 * coarse.stride()];
+                let samples = [above + x0, above + x1, below + x0, below + x1];
+                let touched = &shading.touched;
+                if !(touched[samples[0]] | touched[samples[1]] | touched[samples[2]] | touched[samples[3]]) {
                     continue;
                 }
                 let pixel = fine.index(x, y);
@@ -143,18 +143,21 @@ dispatch! {
                 if scale > 1 {
                     let compare = upsampling == Upsampling::Bilateral;
                     let agreement = agreement(coarse, samples, fine, pixel, resampling, compare);
-                    weights.iter_mut().zip(agreement).for_each(|(weight, agreement)| *weight *= agreement);
+                    for (weight, agreement) in weights.iter_mut().zip(agreement) {
+                        *weight *= agreement;
+                    }
                 }
-                let sum: f32 = weights.iter().sum();
+                let sum = weights[0] + weights[1] + weights[2] + weights[3];
                 let least = if upsampling == Upsampling::Bilateral { LEAST_WEIGHT } else { f32::MIN_POSITIVE };
                 if sum < least {
                     counts.unmatched.push(pixel as u32);
                     continue;
                 }
                 counts.changed += 1;
+                let inverse = 1.0 / sum;
                 let mut rows = [[0.0f32; 4]; LEN];
                 for (weight, sample) in weights.iter().zip(samples) {
-                    let weight = weight / sum;
+                    let weight = weight * inverse;
                     // Of weight zero are the second neighbours where there is no upsampling, and receivers of nothing.
                     if weight == 0.0 {
                         continue;
@@ -183,10 +186,12 @@ pub(super) fn add<const LEN: usize>(fine: &Receivers, pixel: usize, rows: &[[f32
         26 => less(&mut irradiance, rows, &transfer_vector::<25>(fine, pixel)),
         _ => less(&mut irradiance, rows, &transfer_vector::<36>(fine, pixel)),
     }
-    let albedo = fine.albedo.each_ref().map(|plane| plane[pixel]);
+    let albedo = [fine.albedo[0][pixel], fine.albedo[1][pixel], fine.albedo[2][pixel]];
     let change = radiance(albedo, [irradiance[0], irradiance[1], irradiance[2]]);
     // The exponential overshoots, and so may the hidden light: no surface is darker than black.
-    out.iter_mut().zip(change).for_each(|(out, change)| *out = (*out + change).max(0.0));
+    for (out, change) in out.iter_mut().zip(change) {
+        *out = (*out + change).max(0.0);
+    }
 }
 
 /// Takes the hidden light under a transfer vector away.
@@ -209,19 +214,32 @@ fn agreement(
     resampling: Resampling,
     compare: bool,
 ) -> [f32; 4] {
-    if !compare {
-        return samples.map(|i| f32::from(u8::from(coarse.is_seen(i))));
-    }
+    // Four at a time: planes of the receivers' normals and distances first.
+    let (mut cosine, mut distance, mut seen) = ([0.0f32; 4], [0.0f32; 4], [0.0f32; 4]);
     let (p, n) = (fine.point(pixel), fine.normal_at(pixel));
-    let half = PLANE_DISTANCE * resampling.pixel * resampling.scale as f32 * fine.depth[pixel];
-    samples.map(|i| {
-        if !coarse.is_seen(i) {
-            return 0.0;
+    for axis in 0..3 {
+        let (normals, positions) = (&coarse.normal[axis], &coarse.position[axis]);
+        for k in 0..4 {
+            cosine[k] += n[axis] * normals[samples[k]];
+            distance[k] += n[axis] * (positions[samples[k]] - p[axis]);
         }
-        let cosine = n.dot(coarse.normal_at(i)).max(0.0).powi(NORMAL_EXPONENT);
-        let distance = n.dot(coarse.point(i) - p).abs();
-        cosine * half / (half + distance)
-    })
+    }
+    for k in 0..4 {
+        seen[k] = if coarse.depth[samples[k]] < Receivers::NOTHING { 1.0 } else { 0.0 };
+    }
+    if !compare {
+        return seen;
+    }
+    let half = PLANE_DISTANCE * resampling.pixel * resampling.scale as f32 * fine.depth[pixel];
+    for k in 0..4 {
+        // The cosine's power 32.
+        let c2 = cosine[k].max(0.0) * cosine[k].max(0.0);
+        let c4 = c2 * c2;
+        let c8 = c4 * c4;
+        let c16 = c8 * c8;
+        seen[k] *= c16 * c16 * half / (half + distance[k].abs());
+    }
+    seen
 }
 
 /// Gathers single pixels into receivers of their own, rows of up to 1024, to be shaded from scratch.

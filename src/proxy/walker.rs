@@ -2,47 +2,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use glam::DVec3;
-use serde::Deserialize;
 
 use super::{Proxy, Surface};
-use crate::{Error, Result};
-
-/// A figure of rounded limbs that walks in circles, its trunk, head and arms swinging along.
-///
-/// Its surface is that of balls whose radius and centre change evenly along each limb (a rounded cone); its proxies are some of
-/// these balls, so that more of them come as close to it as one likes, from within.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Walker {
-    /// Middle of the circle, on the ground; y is up.
-    pub center: [f64; 3],
-    /// Radius of the circle. Default 2.
-    pub circle: f64,
-    /// Height of the figure. Default 1.8.
-    pub height: f64,
-    /// Steps (of one leg) per second. Default 1.6.
-    pub pace: f64,
-    /// Where on the circle it starts, in degrees.
-    pub start: f64,
-    /// Number of spheres. Default 50.
-    pub spheres: usize,
-    /// Diffuse reflectance.
-    pub albedo: [f32; 3],
-}
-
-impl Default for Walker {
-    fn default() -> Self {
-        Self {
-            center: [0.0; 3],
-            circle: 2.0,
-            height: 1.8,
-            pace: 1.6,
-            start: 0.0,
-            spheres: 50,
-            albedo: [0.7, 0.45, 0.3],
-        }
-    }
-}
+use crate::scene::Walker;
 
 /// A body as it stands at one time.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,32 +15,12 @@ pub struct Posed {
     pub proxies: Vec<Proxy>,
 }
 
+const LIMBS: usize = Walker::LIMBS;
+
 /// Ends of a limb, with their radii.
 type Limb = [(DVec3, f64); 2];
 
 impl Walker {
-    /// Fails where a value is out of its domain.
-    ///
-    /// # Errors
-    /// One line that names the value.
-    pub fn check(&self) -> Result<()> {
-        let lengths = [self.circle, self.height, self.pace];
-        if !lengths.iter().all(|x| x.is_finite() && *x > 0.0) {
-            return Err(Error::input("walker: circle, height and pace must be positive and finite"));
-        }
-        if !(self.start.is_finite() && self.center.iter().all(|x| x.is_finite())) {
-            return Err(Error::input("walker: center and start must be finite"));
-        }
-        if !(LIMBS..=super::MAX_PROXIES).contains(&self.spheres) {
-            let (least, most) = (LIMBS, super::MAX_PROXIES);
-            return Err(Error::input(format!("walker: {} spheres; it needs {least} to {most}", self.spheres)));
-        }
-        if !self.albedo.iter().all(|x| (0.0..=1.0).contains(x)) {
-            return Err(Error::input("walker: albedo must lie in [0, 1]"));
-        }
-        Ok(())
-    }
-
     /// The figure `time` seconds after it started.
     pub fn pose(&self, time: f64, body: u32) -> Posed {
         let limbs = self.limbs(time);
@@ -165,8 +107,6 @@ impl Walker {
     }
 }
 
-/// Trunk, neck with head, and two parts of each arm and leg.
-const LIMBS: usize = 10;
 /// Corners around a limb.
 const AROUND: usize = 20;
 /// Rings of corners on each of its round ends, from the pole on.
@@ -250,19 +190,5 @@ mod tests {
             now.proxies.iter().zip(&later.proxies).map(|(a, b)| a.center.distance(b.center)).collect();
         let (least, most) = moved.iter().fold((f32::MAX, 0.0f32), |(l, m), x| (l.min(*x), m.max(*x)));
         assert!(most > 1.3 * least, "{least} {most}");
-    }
-
-    #[test]
-    fn impossible_walkers_are_refused() {
-        assert!(Walker::default().check().is_ok());
-        for bad in [
-            Walker { spheres: 3, ..Walker::default() },
-            Walker { spheres: 1 << 17, ..Walker::default() },
-            Walker { height: -1.0, ..Walker::default() },
-            Walker { start: f64::NAN, ..Walker::default() },
-            Walker { albedo: [2.0, 0.0, 0.0], ..Walker::default() },
-        ] {
-            assert!(bad.check().unwrap_err().to_string().starts_with("walker: "));
-        }
     }
 }

@@ -132,9 +132,9 @@ mod tests {
 
     #[test]
     fn verdicts_become_tables_and_panels() {
-        let deviation = Deviation::new([0.1, -0.3, 0.2, 0.0].into_iter());
-        assert_eq!((deviation.maximum, deviation.bias), (0.3, 0.0));
-        assert!((deviation.rmse - (0.14f64 / 4.0).sqrt()).abs() < 1e-15);
+        let deviation = Deviation::new([0.125, -0.375, 0.25, 0.0].into_iter());
+        assert!(deviation.maximum == 0.375 && deviation.bias.abs() < 1e-15);
+        assert!((deviation.rmse - (0.21875f64 / 4.0).sqrt()).abs() < 1e-15);
         let mut judgement = Judgement::default();
         for (mode, surfaces) in [("3", Some(deviation)), ("4", None)] {
             let verdict = Verdict { group: "order".into(), mode: mode.into(), spheres: deviation, surfaces };
@@ -142,8 +142,8 @@ mod tests {
         }
         let table = judgement.to_string();
         assert_eq!(table.lines().count(), 4);
-        assert!(table.contains("| order | 3 | 0.1871 | 0.300 | +0.0000 | 0.1871"), "{table}");
-        assert!(table.contains("|  | 4 | 0.1871 | 0.300 | +0.0000 | - | - | - |"), "{table}");
+        assert!(table.contains("| order | 3 | 0.2339 | 0.375 | +0.0000 | 0.2339"), "{table}");
+        assert!(table.contains("|  | 4 | 0.2339 | 0.375 | +0.0000 | - | - | - |"), "{table}");
         let folder = tempfile::tempdir().unwrap();
         judgement.write(folder.path()).unwrap();
         let csv = std::fs::read_to_string(folder.path().join("judgement.csv")).unwrap();

@@ -6,6 +6,7 @@ use plotters::coord::Shift;
 use plotters::drawing::DrawingArea;
 use plotters::prelude::{BitMapBackend, FontStyle, IntoDrawingArea, RGBColor, ViridisRGB};
 use plotters::style::register_font;
+use rayon::prelude::*;
 
 use crate::bake::writers::atomically;
 use crate::{Error, Result};
@@ -61,7 +62,7 @@ impl Picture {
             let scale = exposure / (1.0 + (exposure * luminance(colour)).max(0.0));
             colour.map(|x| srgb(scale * x))
         };
-        Self::from_pixels(width, height, colours.iter().map(map).collect())
+        Self::from_pixels(width, height, colours.par_iter().map(map).collect())
     }
 
     /// Values in false colour (viridis) by their place on `scale`; `None` becomes mid grey.

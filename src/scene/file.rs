@@ -7,9 +7,9 @@ use toml::Spanned;
 
 use super::shapes::Shape;
 use super::{
-    Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, Sky, UpAxis, load_meshes, load_points,
+    Body, Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, SkinnedBody, Sky, UpAxis, Walker,
+    load_meshes, load_points,
 };
-use crate::proxy::Walker;
 use crate::{Error, Result};
 
 /// Where a scene wants light to be gathered.
@@ -74,9 +74,16 @@ pub(super) fn read(text: &str, path: &Path) -> Result<Scene> {
     };
     let characters = file.character.into_iter().map(|entry| {
         let offset = entry.span().start;
-        let CharacterEntry { walker } = entry.into_inner();
-        walker.check().map_err(|e| refuse(offset, &e))?;
-        Ok(walker)
+        let body = match entry.into_inner() {
+            CharacterEntry::Walker(WalkerEntry { walker }) => Body::Walker(walker),
+            CharacterEntry::Skinned(mut body) => {
+                body.file = folder.join(body.file);
+                body.set = body.set.map(|set| folder.join(set));
+                Body::Skinned(body)
+            }
+        };
+        body.check().map_err(|e| refuse(offset, &e))?;
+        Ok(body)
     });
     let characters = characters.collect::<Result<Vec<_>>>()?;
     Ok(Scene { geometry: builder.build(), environment: environment.transpose()?, camera, receivers, characters })
@@ -208,8 +215,15 @@ impl EnvironmentEntry {
 }
 
 #[derive(Deserialize)]
+#[serde(untagged, expecting = "expected either a walker or a file, with known keys")]
+enum CharacterEntry {
+    Walker(WalkerEntry),
+    Skinned(SkinnedBody),
+}
+
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct CharacterEntry {
+struct WalkerEntry {
     walker: Walker,
 }
 

@@ -1,5 +1,6 @@
 //! What is looked at: geometry, environment light, camera, receivers; loaders, built-in shapes and scene files.
 
+mod body;
 mod builtin;
 mod camera;
 mod environment;
@@ -22,11 +23,13 @@ mod polygon;
 pub mod shapes;
 mod sky;
 mod topology;
+mod walker;
 
 use std::path::Path;
 
 use glam::DAffine3;
 
+pub use body::{Body, SkinnedBody};
 pub use camera::Camera;
 pub use environment::{Environment, UpAxis};
 pub use face_tree::FaceTree;
@@ -39,8 +42,8 @@ pub use mesh::Mesh;
 pub use points::{NORMAL_TOLERANCE, Point, load_points};
 pub use sky::Sky;
 pub use topology::{Direction, EdgeFace, EdgeId, EdgeKind, Topology, TriangleId, VertexId};
+pub use walker::Walker;
 
-use crate::proxy::Walker;
 use crate::{Error, Result};
 
 /// Everything a scene file describes.
@@ -55,7 +58,7 @@ pub struct Scene {
     /// Where light is to be gathered.
     pub receivers: ReceiverSource,
     /// Bodies that move, for the renderer of sphere proxies alone; the geometry stands still.
-    pub characters: Vec<Walker>,
+    pub characters: Vec<Body>,
 }
 
 impl Scene {
@@ -91,11 +94,16 @@ impl Scene {
     ///
     /// [[character]]                      # bodies that move, for `animate` and `judge`; any number of them
     /// walker = { center = [0, 0, 0], circle = 2.0, spheres = 50, albedo = [0.7, 0.4, 0.3] }
+    ///
+    /// [[character]]
+    /// file = "knight.glb"                # skinned; its spheres are fitted, or read: set = "knight.json"
+    /// clip = "Walking_A"
+    /// translate = [1, 0, 0]
     /// ```
     ///
     /// The shapes and their parameters are those of [`shapes`]: `plane`, `box`, `icosphere`, `torus_knot`, `knots`,
     /// `teapot`, `foliage`, `room`, `building`; the sky's those of [`Sky`],
-    /// the walker's those of [`Walker`].
+    /// the walker's those of [`Walker`], a character's those of [`SkinnedBody`].
     ///
     /// # Errors
     /// A file that is missing or malformed, an unknown key or a value out of its domain: the line is named. As
