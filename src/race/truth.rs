@@ -6,7 +6,7 @@ use super::contestant::integrate;
 
 /// The values that contestants are measured by.
 ///
-/// They are the exact method's. Along thousands of isolines every one must come out alike, within what both state;
+/// They are the exact method's. Along a thousand isolines every one must come out alike, within what both state;
 /// where it does not, rays decide. All of them must then stand up to rays.
 pub struct Truth {
     arrays: Arrays,
@@ -30,7 +30,7 @@ pub struct Distance {
 }
 
 /// Lines of the second opinion.
-const LINES: u32 = 4096;
+const LINES: u32 = 1024;
 /// Rays of the general check, and of a decision.
 const RAYS: u32 = 1 << 12;
 const DECIDING_RAYS: u32 = 1 << 16;

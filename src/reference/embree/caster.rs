@@ -144,7 +144,8 @@ impl EmbreeScene {
             }
             EmbreeKernel::Streams => {
                 let Rays { stream, numbers } = rays;
-                (stream.clear(), numbers.clear());
+                stream.clear();
+                numbers.clear();
                 for (number, [x, y, z]) in &mut turned {
                     let ray = |lane| Ray::segment(*origin, [x[lane], y[lane], z[lane]], 0.0, f32::INFINITY);
                     stream.extend((0..LANES).map(ray));
