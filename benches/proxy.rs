@@ -4,8 +4,8 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use silhouette::Scene;
 use silhouette::proxy::{
-    Coverage, DistantLight, Exponentiator, HarmonicBuffer, INDIRECT_LEN, IndirectTable, Interpolant, LogTable, Posed,
-    Proxy, Renderer, Settings, Shading, ShadingLight, Surface, exponentiate, shade, splat, splat_indirect,
+    Actor, Coverage, DistantLight, Exponentiator, HarmonicBuffer, INDIRECT_LEN, IndirectTable, Interpolant, LogTable,
+    Posed, Proxy, Renderer, Settings, Shading, ShadingLight, Surface, exponentiate, shade, splat, splat_indirect,
     static_surface,
 };
 
@@ -24,7 +24,8 @@ fn frames(settings: Settings) -> Frames {
     let set = static_surface(&scene.geometry, camera.position());
     let renderer = Renderer::new(settings, &camera, &set, &light, Some(&environment)).expect("settings are good");
     let at = |time: f64| {
-        let posed = (0u32..).zip(&scene.characters).map(|(body, walker)| walker.pose(time, body));
+        let actors = scene.characters.iter().map(|body| Actor::new(body, &()).expect("is made up"));
+        let posed = (0u32..).zip(actors).map(|(body, actor)| actor.pose(time, body).expect("has its own spheres"));
         let (mut bodies, mut proxies) = (Vec::new(), Vec::new());
         for Posed { surface, proxies: spheres } in posed {
             bodies.push(surface);

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use crate::bake::{Control, Method};
 use crate::proxy::{Actor, DistantLight, Engine, Posed, baked_surface, static_surface};
 use crate::report::Film;
-use crate::scene::{self, Environment, Scene};
+use crate::scene::{Body, Environment, Scene};
 use crate::{Error, Result};
 
 use super::options::{LightOptions, framing, magnitude, scene};
@@ -74,6 +74,7 @@ impl Animate {
     pub fn run(&self) -> std::result::Result<(), Failure> {
         let settings = self.proxies.settings()?;
         let scene = animated(self.scene.as_deref())?;
+        let bodies = with_spheres(scene.characters, self.spheres)?;
         let environment = lighting(&self.light, scene.environment)?;
         let camera = match &scene.camera {
             Some(camera) => camera.clone(),
@@ -86,7 +87,7 @@ impl Animate {
         let pool = threads(self.threads)?;
         let terminal = Terminal::new(self.quiet);
         let film = pool.install(|| -> Result<Film> {
-            let actors = actors(&scene.characters, self.spheres, &terminal)?;
+            let actors = bodies.iter().map(|body| Actor::new(body, &terminal)).collect::<Result<Vec<_>>>()?;
             let set = match self.bake {
                 0 => static_surface(&scene.geometry, camera.position()),
                 lines => {
@@ -111,7 +112,7 @@ impl Animate {
                     let turn = DMat3::from_axis_angle(DVec3::Y, (self.turn_light * time).to_radians());
                     renderer.set_light(&light.rotated(turn), Some(&environment));
                 }
-                let Stage { bodies, proxies } = Stage::new(&actors, time);
+                let Stage { bodies, proxies } = Stage::new(&actors, time)?;
                 let statistics = renderer.render(&bodies, &proxies)?;
                 let [width, height] = renderer.size();
                 let picture = film.add(width, height, renderer.radiance(), statistics);
@@ -149,14 +150,14 @@ pub struct Stage {
 
 impl Stage {
     /// The actors `time` seconds after they started.
-    pub fn new(actors: &[Actor], time: f64) -> Self {
+    pub fn new(actors: &[Actor], time: f64) -> Result<Self> {
         let mut stage = Self { bodies: Vec::new(), proxies: Vec::new() };
         for (body, actor) in (0u32..).zip(actors) {
-            let Posed { surface, proxies } = actor.pose(time, body);
+            let Posed { surface, proxies } = actor.pose(time, body)?;
             stage.bodies.push(surface);
             stage.proxies.extend(proxies);
         }
-        stage
+        Ok(stage)
     }
 }
 
@@ -172,16 +173,16 @@ pub fn animated(named: Option<&std::path::Path>) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The characters, ready to be posed, with `spheres` in all, if that is given.
-pub fn actors(sources: &[scene::Actor], spheres: Option<usize>, control: &dyn Control) -> Result<Vec<Actor>> {
-    let count = sources.len();
-    let load = |(i, source): (usize, &scene::Actor)| {
-        let Some(spheres) = spheres else { return Actor::load(source, control) };
-        let source = source.clone().with_spheres(spheres / count + usize::from(i < spheres % count));
-        source.check()?;
-        Actor::load(&source, control)
-    };
-    sources.iter().enumerate().map(load).collect()
+/// The characters with `spheres` in all, if that is given.
+pub fn with_spheres(mut bodies: Vec<Body>, spheres: Option<usize>) -> Result<Vec<Body>> {
+    if let Some(spheres) = spheres {
+        let count = bodies.len();
+        for (i, body) in bodies.iter_mut().enumerate() {
+            *body.spheres_mut() = spheres / count + usize::from(i < spheres % count);
+            body.check()?;
+        }
+    }
+    Ok(bodies)
 }
 
 /// The light named on the command line, else the scene's.

@@ -4,15 +4,15 @@ use clap::Args;
 
 use crate::bake::{Control, Method};
 use crate::proxy::{
-    DistantLight, Exponential, IndirectOperator, Interpolant, Proxy, Renderer, SelfShadowing, Settings, Surface, Truth,
-    Upsampling, static_surface,
+    Actor, DistantLight, Exponential, IndirectOperator, Interpolant, Proxy, Renderer, SelfShadowing, Settings, Surface,
+    Truth, Upsampling, static_surface,
 };
 use crate::report::{Deviation, Judgement, Verdict};
 use crate::scene::{Camera, Environment};
 use crate::sphere::Order;
 use crate::{Error, Result};
 
-use super::animate::{Stage, actors, animated, lighting};
+use super::animate::{Stage, animated, lighting, with_spheres};
 use super::options::{LightOptions, framing, magnitude};
 use super::run::threads;
 use super::terminal::Terminal;
@@ -86,10 +86,17 @@ impl Judge {
         let judgement = pool.install(|| -> Result<Judgement> {
             let mut court = Court { judge: self, camera, set, environment, surfaces: None, truths: Vec::new() };
             let mut judgement = Judgement::default();
+            let mut stages: Vec<(Option<usize>, Stage)> = Vec::new();
             for case in cases()? {
-                let actors = actors(&scene.characters, case.spheres.or(self.spheres), &terminal)?;
-                let stage = Stage::new(&actors, self.time);
-                court.judge(&case, &stage, &mut judgement, &terminal)?;
+                // Fitting takes a while: once for every number of spheres.
+                let wanted = case.spheres.or(self.spheres);
+                if stages.iter().all(|(spheres, _)| *spheres != wanted) {
+                    let bodies = with_spheres(scene.characters.clone(), wanted)?;
+                    let actors = bodies.iter().map(|body| Actor::new(body, &terminal)).collect::<Result<Vec<_>>>()?;
+                    stages.push((wanted, Stage::new(&actors, self.time)?));
+                }
+                let Some((_, stage)) = stages.iter().find(|(spheres, _)| *spheres == wanted) else { continue };
+                court.judge(&case, stage, &mut judgement, &terminal)?;
             }
             judgement.write(&self.output)?;
             Ok(judgement)

@@ -1,117 +1,133 @@
+use std::sync::Arc;
+
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 
-use super::{Character, Clip, Posed, Proxy, SphereSet, Surface, fit};
-use crate::Result;
+use super::character::Character;
+use super::clip::Clip;
+use super::walker::Posed;
+use super::{Proxy, Sphere, SphereSet, Surface, fit};
 use crate::bake::Control;
-use crate::scene::{Actor as Source, Mesh, Model, ModelSpheres, Walker};
+use crate::scene::{Body, SkinnedBody, Walker};
+use crate::{Error, Result};
 
-/// A body that moves, ready to be posed.
+/// A body of a scene, ready to move.
 #[derive(Clone, Debug)]
 pub enum Actor {
-    /// A built-in figure.
+    /// A figure made up.
     Walker(Walker),
-    /// A glTF file.
-    Model(Box<Player>),
+    /// A character from a file.
+    Skinned(Box<Skinned>),
 }
 
-/// A character that plays a clip in a loop.
+/// A character with its spheres, placed in a scene.
 #[derive(Clone, Debug)]
-pub struct Player {
+pub struct Skinned {
     character: Character,
-    set: SphereSet,
+    spheres: SphereSet,
     clip: Option<Clip>,
-    ahead: f64,
-    place: DAffine3,
+    start: f64,
+    placement: DAffine3,
     scale: f64,
-    albedo: Option<Vec3>,
+    /// Of all meshes together.
+    triangles: Arc<[[u32; 3]]>,
+    /// Of every triangle, and their mean for the spheres.
+    albedo: (Vec<Vec3>, Vec3),
 }
 
 impl Actor {
-    /// Reads what a scene describes; spheres that it does not name are fitted.
+    /// Loads what the body names, and fits its spheres if they are not in a file.
     ///
     /// # Errors
-    /// As [`Character::load`], [`Character::clip`], [`SphereSet::load`] and [`fit`].
-    pub fn load(source: &Source, control: &dyn Control) -> Result<Self> {
-        match source {
-            Source::Walker(walker) => Ok(Self::Walker(walker.clone())),
-            Source::Model(model) => Ok(Self::Model(Box::new(Player::load(model, control)?))),
+    /// As [`Body::check`], [`Character::load`], [`Character::without`], [`Character::clip`], [`SphereSet::load`],
+    /// [`fit`](super::fit()) and [`Character::attach`].
+    pub fn new(body: &Body, control: &dyn Control) -> Result<Self> {
+        body.check()?;
+        match body {
+            Body::Walker(walker) => Ok(Self::Walker(walker.clone())),
+            Body::Skinned(body) => Skinned::new(body, control).map(|skinned| Self::Skinned(Box::new(skinned))),
         }
     }
 
-    /// The body `time` seconds after it started; its proxies get the number `body`.
-    pub fn pose(&self, time: f64, body: u32) -> Posed {
+    /// The body number `body` as it stands `time` seconds after its start.
+    ///
+    /// # Errors
+    /// Spheres that hang on joints of another character.
+    pub fn pose(&self, time: f64, body: u32) -> Result<Posed> {
         match self {
-            Self::Walker(walker) => walker.pose(time, body),
-            Self::Model(player) => player.pose(time, body),
+            Self::Walker(walker) => Ok(walker.pose(time, body)),
+            Self::Skinned(skinned) => skinned.pose(time, body),
         }
     }
 }
 
-impl Player {
-    fn load(model: &Model, control: &dyn Control) -> Result<Self> {
-        let character = Character::load(&model.file)?.without(&model.without)?;
-        let clip = model.clip.as_ref().map(|name| character.clip(name).cloned()).transpose()?;
-        let set = match &model.spheres {
-            ModelSpheres::File(file) => SphereSet::load(file)?,
-            ModelSpheres::Count(count) => {
-                let (spheres, _) = fit(&character.geometry(&character.rest())?, *count, control)?;
-                character.attach(&spheres)?
+impl Skinned {
+    fn new(body: &SkinnedBody, control: &dyn Control) -> Result<Self> {
+        let character = Character::load(&body.file)?.without(&body.without)?;
+        let clip = body.clip.as_ref().map(|name| character.clip(name).cloned()).transpose()?;
+        let rest = character.rest();
+        let spheres = match &body.set {
+            Some(file) => SphereSet::load(file)?,
+            None => {
+                let (fitted, _) = fit(&character.geometry(&rest)?, body.spheres, control)?;
+                character.attach(&fitted)?
             }
         };
-        // Whether the spheres are this character's is told now, not in a frame.
-        character.place(&set, &character.rest())?;
-        let turn = DQuat::from_rotation_y(model.turn.to_radians());
-        let place =
-            DAffine3::from_scale_rotation_translation(DVec3::splat(model.scale), turn, DVec3::from(model.translate));
-        let albedo = model.albedo.map(Vec3::from);
-        Ok(Self { character, set, clip, ahead: model.ahead, place, scale: model.scale, albedo })
+        let meshes = character.meshes(&rest);
+        let (mut triangles, mut albedo, mut base) = (Vec::new(), Vec::new(), 0u32);
+        for mesh in &meshes {
+            triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| base + v)));
+            let colour = body.albedo.map_or(mesh.material.albedo, Vec3::from);
+            albedo.resize(triangles.len(), colour);
+            base += mesh.positions.len() as u32;
+        }
+        if triangles.is_empty() {
+            return Err(Error::file(&body.file, "there is nothing to be seen: no triangles"));
+        }
+        let mean = albedo.iter().sum::<Vec3>() / albedo.len() as f32;
+        Ok(Self {
+            character,
+            spheres,
+            clip,
+            start: body.start,
+            placement: DAffine3::from_scale_rotation_translation(
+                DVec3::splat(body.scale),
+                DQuat::from_rotation_y(body.turn.to_radians()),
+                body.translate.into(),
+            ),
+            scale: body.scale,
+            triangles: triangles.into(),
+            albedo: (albedo, mean.clamp(Vec3::ZERO, Vec3::ONE)),
+        })
     }
 
-    fn pose(&self, time: f64, body: u32) -> Posed {
+    fn pose(&self, time: f64, body: u32) -> Result<Posed> {
         let pose = match &self.clip {
-            Some(clip) if clip.duration > 0.0 => {
-                self.character.pose(clip, (time + self.ahead).rem_euclid(clip.duration))
-            }
-            Some(clip) => self.character.pose(clip, 0.0),
             None => self.character.rest(),
+            Some(clip) => {
+                let time = self.start + time;
+                let duration = clip.duration;
+                self.character.pose(clip, if duration > 0.0 { time.rem_euclid(duration) } else { 0.0 })
+            }
         };
-        let mut surface = Surface::default();
-        let mut triangles = Vec::new();
-        for mesh in self.character.meshes(&pose) {
-            let mesh = mesh.transformed(self.place);
-            let first = surface.positions.len() as u32;
-            triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| first + v)));
-            let albedo = self.albedo.unwrap_or(mesh.material.albedo);
-            surface.albedo.extend(std::iter::repeat_n(albedo, mesh.triangles.len()));
-            surface.normals.extend(normals(&mesh));
-            surface.positions.extend(mesh.positions);
+        let place = |p: Vec3| self.placement.transform_point3(p.as_dvec3()).as_vec3();
+        let positions: Vec<Vec3> =
+            self.character.meshes(&pose).into_iter().flat_map(|mesh| mesh.positions).map(place).collect();
+        // Files split vertices where a surface has an edge: the mean of the faces around a vertex is its normal.
+        let mut normals = vec![Vec3::ZERO; positions.len()];
+        for t in self.triangles.iter() {
+            let [a, b, c] = t.map(|v| positions[v as usize]);
+            let area = (b - a).cross(c - a);
+            t.iter().for_each(|&v| normals[v as usize] += area);
         }
-        surface.triangles = triangles.into();
-        // The joints are those that were looked up when the actor was loaded.
-        let spheres = self.character.place(&self.set, &pose).unwrap_or_default();
-        let albedo = self.albedo.unwrap_or_else(|| mean(&surface));
-        let proxy = |sphere: super::Sphere| Proxy {
-            center: self.place.transform_point3(sphere.center.as_dvec3()).as_vec3(),
-            radius: sphere.radius * self.scale as f32,
-            albedo,
+        normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Z));
+        let proxy = |sphere: Sphere| Proxy {
+            center: place(sphere.center),
+            radius: (self.scale * f64::from(sphere.radius)) as f32,
+            albedo: self.albedo.1,
             body,
         };
-        Posed { proxies: spheres.into_iter().map(proxy).collect(), surface }
+        let proxies = self.character.place(&self.spheres, &pose)?.into_iter().map(proxy).collect();
+        let (triangles, albedo) = (self.triangles.clone(), self.albedo.0.clone());
+        Ok(Posed { surface: Surface { positions, normals, triangles, albedo, ..Surface::default() }, proxies })
     }
-}
-
-/// Unit normals of the vertices as the file has them: faces count by their area, and hard edges stay, since files double their
-/// vertices.
-fn normals(mesh: &Mesh) -> Vec<Vec3> {
-    let mut sums = vec![Vec3::ZERO; mesh.positions.len()];
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
-        t.iter().for_each(|&v| sums[v as usize] += (b - a).cross(c - a));
-    }
-    sums.into_iter().map(|sum| sum.normalize_or(Vec3::Y)).collect()
-}
-
-/// Reflectance of a surface, its triangles alike.
-fn mean(surface: &Surface) -> Vec3 {
-    surface.albedo.iter().sum::<Vec3>() / surface.albedo.len().max(1) as f32
 }

@@ -52,7 +52,7 @@ mod upsample;
 mod walker;
 mod zonal_log;
 
-pub use actor::{Actor, Player};
+pub use actor::{Actor, Skinned};
 pub use basis::{MAX_BANDS, basis};
 pub use character::{Character, Pose};
 pub use clip::Clip;

@@ -7,8 +7,8 @@ use toml::Spanned;
 
 use super::shapes::Shape;
 use super::{
-    Actor, Camera, Environment, GeometryBuilder, Material, Mesh, Model, Point, Scene, Sky, UpAxis, Walker, load_meshes,
-    load_points,
+    Body, Camera, Environment, GeometryBuilder, Material, Mesh, Point, Scene, SkinnedBody, Sky, UpAxis, Walker,
+    load_meshes, load_points,
 };
 use crate::{Error, Result};
 
@@ -74,13 +74,16 @@ pub(super) fn read(text: &str, path: &Path) -> Result<Scene> {
     };
     let characters = file.character.into_iter().map(|entry| {
         let offset = entry.span().start;
-        let actor = match entry.into_inner() {
-            CharacterEntry { walker: Some(walker), model: None } => Actor::Walker(walker),
-            CharacterEntry { walker: None, model: Some(model) } => Actor::Model(model.placed_in(folder)),
-            _ => return Err(refuse(offset, &"a character is either a walker or a model")),
+        let body = match entry.into_inner() {
+            CharacterEntry::Walker(WalkerEntry { walker }) => Body::Walker(walker),
+            CharacterEntry::Skinned(mut body) => {
+                body.file = folder.join(body.file);
+                body.set = body.set.map(|set| folder.join(set));
+                Body::Skinned(body)
+            }
         };
-        actor.check().map_err(|e| refuse(offset, &e))?;
-        Ok(actor)
+        body.check().map_err(|e| refuse(offset, &e))?;
+        Ok(body)
     });
     let characters = characters.collect::<Result<Vec<_>>>()?;
     Ok(Scene { geometry: builder.build(), environment: environment.transpose()?, camera, receivers, characters })
@@ -212,10 +215,16 @@ impl EnvironmentEntry {
 }
 
 #[derive(Deserialize)]
+#[serde(untagged, expecting = "expected either a walker or a file, with known keys")]
+enum CharacterEntry {
+    Walker(WalkerEntry),
+    Skinned(SkinnedBody),
+}
+
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct CharacterEntry {
-    walker: Option<Walker>,
-    model: Option<Model>,
+struct WalkerEntry {
+    walker: Walker,
 }
 
 #[derive(Deserialize)]

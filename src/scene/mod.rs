@@ -1,5 +1,6 @@
 //! What is looked at: geometry, environment light, camera, receivers; loaders, built-in shapes and scene files.
 
+mod body;
 mod builtin;
 mod camera;
 mod environment;
@@ -13,7 +14,6 @@ pub(crate) mod gltf_read;
 mod incidence;
 mod load;
 mod mesh;
-mod model;
 mod mtl;
 pub(crate) mod npy;
 mod obj;
@@ -29,6 +29,7 @@ use std::path::Path;
 
 use glam::DAffine3;
 
+pub use body::{Body, SkinnedBody};
 pub use camera::Camera;
 pub use environment::{Environment, UpAxis};
 pub use face_tree::FaceTree;
@@ -38,7 +39,6 @@ pub use geometry::{Cleaning, Geometry, GeometryBuilder, MAX_COORDINATE, Material
 pub use incidence::faces_at;
 pub use load::load_meshes;
 pub use mesh::Mesh;
-pub use model::{Actor, Model, ModelSpheres};
 pub use points::{NORMAL_TOLERANCE, Point, load_points};
 pub use sky::Sky;
 pub use topology::{Direction, EdgeFace, EdgeId, EdgeKind, Topology, TriangleId, VertexId};
@@ -58,7 +58,7 @@ pub struct Scene {
     /// Where light is to be gathered.
     pub receivers: ReceiverSource,
     /// Bodies that move, for the renderer of sphere proxies alone; the geometry stands still.
-    pub characters: Vec<Actor>,
+    pub characters: Vec<Body>,
 }
 
 impl Scene {
@@ -94,12 +94,16 @@ impl Scene {
     ///
     /// [[character]]                      # bodies that move, for `animate` and `judge`; any number of them
     /// walker = { center = [0, 0, 0], circle = 2.0, spheres = 50, albedo = [0.7, 0.4, 0.3] }
-    /// # model = { file = "knight.glb", spheres = "knight.json", clip = "Walking_A", turn = 30, translate = [1, 0, 0] }
+    ///
+    /// [[character]]
+    /// file = "knight.glb"                # skinned; its spheres are fitted, or read: set = "knight.json"
+    /// clip = "Walking_A"
+    /// translate = [1, 0, 0]
     /// ```
     ///
     /// The shapes and their parameters are those of [`shapes`]: `plane`, `box`, `icosphere`, `torus_knot`, `knots`,
     /// `teapot`, `foliage`, `room`, `building`; the sky's those of [`Sky`],
-    /// the walker's those of [`Walker`], the model's those of [`Model`].
+    /// the walker's those of [`Walker`], a character's those of [`SkinnedBody`].
     ///
     /// # Errors
     /// A file that is missing or malformed, an unknown key or a value out of its domain: the line is named. As
