@@ -642,6 +642,12 @@ fn what_proxies_cannot_do_is_said_in_one_line() {
     std::fs::write(folder.join("dark.toml"), "[[character]]\nwalker = {}\n").unwrap();
     assert!(fails(folder, "animate dark.toml -o film", 2).contains("--environment"));
     assert!(fails(folder, "animate --internal-order 3 -o film", 2).contains("less than --order 4"));
+    #[cfg(not(feature = "gpu"))]
     lines(fails(folder, "animate --device gpu -o film", 1), "--features gpu");
+    // Drivers may have something to say of their own.
+    #[cfg(feature = "gpu")]
+    assert!(
+        fails(folder, "animate --device gpu --exponential matrix -o .", 1).contains("`matrix` is for processors only")
+    );
     assert!(listing(folder).iter().all(|name| name.ends_with(".toml")));
 }

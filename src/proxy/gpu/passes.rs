@@ -258,6 +258,7 @@ impl Passes {
     }
 
     /// Records the passes from the splats to the shading of receivers.
+    #[expect(clippy::too_many_arguments, reason = "plain buffers in, plain buffers out")]
     pub(super) fn record(
         &self,
         gpu: &Gpu,

@@ -82,9 +82,8 @@ impl Source<'_> {
                 ),
             }
             push(out, format_args!("let q{m}_{m} = f32({:e});", diagonal[m]));
-            for l in m..bands {
+            for (l, [a, b]) in steps[m].iter().enumerate().take(bands).skip(m) {
                 if l > m {
-                    let [a, b] = steps[m][l];
                     let before = if l > m + 1 { format!(" - q{m}_{} * f32({b:e})", l - 2) } else { String::new() };
                     let k = l - 1;
                     push(out, format_args!("let q{m}_{l} = {axis}.z * q{m}_{k} * f32({a:e}){before};"));
