@@ -123,7 +123,7 @@ fn linked(crossings: &[Crossing], first: u32) -> impl Iterator<Item = Crossing> 
 }
 
 /// Parts of an edge, in each of which W is taken to fall before it rises: as low as it may come.
-const PARTS: usize = 16;
+const PARTS: usize = 32;
 
 /// How W may fall along an edge, wherever within their errors its crossings are.
 struct Worst<'a> {

@@ -211,13 +211,13 @@ impl Slots {
     /// Of younger edges it is known which had this one above them: the others are above.
     fn younger_above_portable(&self, slot: usize, above: &mut [u64]) {
         let (row, bit) = (slot / WORD * self.capacity, slot % WORD);
-        for word in 0..above.len() {
+        for (word, above) in above.iter_mut().enumerate() {
             let (mut younger, mut below) = (0, 0);
             for (bits, other) in (WORD * word..self.used.min(WORD * (word + 1))).enumerate() {
                 younger |= u64::from(self.ages[other] > self.ages[slot]) << bits;
                 below |= (self.rows[row + other] >> bit & 1) << bits;
             }
-            above[word] = self.rows[word * self.capacity + slot] & !younger | !below & younger;
+            *above = self.rows[word * self.capacity + slot] & !younger | !below & younger;
         }
     }
 
