@@ -101,6 +101,10 @@ impl<'a> Prepared<'a> {
     }
 
     /// Builds what `family` searches in, on all threads.
+    #[cfg_attr(
+        not(feature = "embree"),
+        expect(unused_variables, reason = "only Embree is built by what receivers leave out")
+    )]
     pub(super) fn build(&self, family: Family, receivers: &Receivers) -> Result<()> {
         match family {
             Family::Isolines | Family::Exact => self.viewer().map(|_| ()),
