@@ -100,11 +100,8 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Builds what `family` searches in, on all threads.
-    #[cfg_attr(
-        not(feature = "embree"),
-        expect(unused_variables, reason = "only Embree is built by what receivers leave out")
-    )]
+    /// Builds what `family` searches in, on all threads; Embree's tree depends on whether the receivers leave faces out.
+    #[cfg_attr(not(feature = "embree"), expect(unused_variables, reason = "only Embree asks for the receivers"))]
     pub(super) fn build(&self, family: Family, receivers: &Receivers) -> Result<()> {
         match family {
             Family::Isolines | Family::Exact => self.viewer().map(|_| ()),
