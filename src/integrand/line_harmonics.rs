@@ -169,8 +169,8 @@ impl<const W: usize> Sums<W> {
         for (m, waves) in waves.iter().enumerate().take(W) {
             let powers = if m % 2 == 0 { even } else { odd };
             for (wave, factor) in waves.iter().enumerate() {
-                for j in 0..W {
-                    self.powers[m][wave][j] += factor * powers[j];
+                for (sum, power) in self.powers[m][wave].iter_mut().zip(powers) {
+                    *sum += factor * power;
                 }
                 self.latitudes[m][wave] += factor * latitude;
             }
