@@ -11,8 +11,8 @@ use dual_bvh::{BuildOptions, DualBvh};
 use scene::Case;
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
 use silhouette::scene::FaceTree;
-use silhouette::sphere::{Order, rotate};
-use silhouette::visibility::{Frame, Isolines, MeridianFrame, Meridians, Sight, View, Viewer, open_intervals};
+use silhouette::sphere::{Order, hemisphere};
+use silhouette::visibility::{Frame, Isolines, MeridianFrame, Meridians, Sight, Skips, View, Viewer, open_intervals};
 
 /// Scene and receivers timed.
 const SCENES: [(&str, usize); 6] =
@@ -41,26 +41,27 @@ impl Engine<'_> {
     fn harmonics(&mut self, tiles: &[Vec<u32>], table: &LineHarmonics) -> Vec<f64> {
         let viewer = Viewer { edges: self.edges, faces: self.faces };
         let mut moments = LineMoments::default();
-        let mut row = vec![0.0; table.order().len()];
+        let (mut local, mut row) = (Vec::new(), vec![0.0; table.order().len()]);
         let mut rows = Vec::new();
         for tile in tiles {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             viewer.approach(receivers.clone(), &mut self.view);
             for receiver in receivers {
-                let frame = MeridianFrame::new(receiver.normal.expect("vertices have normals"), 0);
+                let frame = MeridianFrame::facing(receiver.normal, false);
+                row.fill(0.0);
                 viewer.find(receiver, &mut self.view);
-                let seen = match viewer.trace(&self.meridians, frame, receiver, &mut self.view) {
-                    Sight::Open => table.open(),
-                    Sight::Enclosed => {
-                        rows.extend(row.iter().map(|_| 0.0));
-                        continue;
-                    }
-                    Sight::Part(_) => {
+                let sight = viewer.trace(&self.meridians, frame, receiver, Skips::default(), &mut self.view);
+                match (sight, receiver.normal) {
+                    (Sight::Open, Some(normal)) => row.copy_from_slice(&hemisphere(table.order(), normal)),
+                    (Sight::Part(_), _) => {
                         table.integrate(self.view.spans(), &mut moments);
-                        &moments
+                        let [even, odd] = &moments.sets;
+                        local.clear();
+                        local.extend(even.iter().zip(odd).map(|(even, odd)| even + odd));
+                        table.turn(frame, &local, &mut row);
                     }
-                };
-                rotate(table.order(), frame.axes(), &seen.sum, &mut row);
+                    _ => {}
+                }
                 rows.extend(&row);
             }
         }
@@ -114,7 +115,7 @@ fn bench(criterion: &mut Criterion) {
         for lines in LINES {
             let isolines = Isolines::new(lines).expect("an even number");
             let tolerance = FIRST_ORDER / lines as f64;
-            let meridians = Meridians::new(lines).expect("a few");
+            let meridians = Meridians::new(2 * lines).expect("a few");
             let [occlusion, harmonics] =
                 [2, 4].map(|bands| LineHarmonics::new(Order::new(bands).expect("few bands"), &meridians));
             let light = LightTable::new(&isolines, &case.environment);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use glam::DVec3;
 use silhouette::bake::{
-    Array, Arrays, Baked, BakedVertices, Method, Provenance, Receivers, Request, integrate, writers,
+    Array, Arrays, Baked, BakedVertices, Method, Partial, Provenance, Receivers, Request, integrate, writers,
 };
 use silhouette::scene::{Environment, Scene, UpAxis};
 
@@ -52,7 +52,7 @@ fn help_tells_by_example() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     assert!(succeeds(folder, "--help").contains("silhouette bake -o"));
-    for command in ["bake", "render", "integrate", "compare"] {
+    for command in ["bake", "render", "integrate", "compare", "race"] {
         let help = succeeds(folder, &format!("{command} --help"));
         let examples = help.split_once("Examples:").unwrap_or_else(|| panic!("{command} has no examples")).1;
         assert!(examples.contains(&format!("silhouette {command} ")), "{command}");
@@ -80,6 +80,12 @@ fn wrong_usage_is_told_apart_from_errors() {
         ("integrate a.obj -o a.npz --rotation 90", "--environment"),
         ("integrate a.obj -o a.npz --environment s.exr --rotation nan", "not a finite number"),
         ("render -o a.png --width 0", "--width"),
+        ("bake -o a.npz --error 1e-3 --isolines 16", "--isolines means nothing to --error"),
+        ("bake -o a.npz --method auto --samples 16", "--samples means nothing to --error"),
+        ("bake -o a.npz --method qmc --error 1e-3 --seed 1", "--seed means nothing to --error"),
+        ("bake -o a.npz --method exact --error 1e-3", "--error means nothing to --method exact"),
+        ("bake -o a.npz --error 0", "above 0"),
+        ("race -o a --threads 0", "0 is not in"),
         ("render -o a.png --show occlusion --environment s.exr", "--environment means nothing"),
         ("compare a.npz b.npz --fail-above -1", "--fail-above"),
     ] {
@@ -508,6 +514,81 @@ fn interrupted_bakes_go_on_to_the_same_bits() {
     assert!(resumed == whole);
 }
 
+/// Parts of the command's work that `--stats` tells of.
+fn statistics(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn an_error_is_planned_for_and_the_plan_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("knot.toml"), "[[mesh]]\nshape.torus_knot = { triangles = 2000 }\n").unwrap();
+    let output = silhouette(folder, "bake knot.toml -o out.npz --error 1e-2 --stats stats.json");
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && text.contains("expected") && text.contains("estimated error"), "{text}");
+    let stats = statistics(&folder.join("stats.json"));
+    assert_eq!(stats["plan"]["error"], 1e-2);
+    assert!(stats["plan"]["candidates"].as_array().is_some_and(|candidates| !candidates.is_empty()));
+    assert!(stats["estimated_error"].as_f64().is_some_and(|error| error < 4e-2), "{stats}");
+    let whole = writers::npz::read(&folder.join("out.npz")).unwrap();
+    let provenance = whole.provenance.unwrap();
+    let method = provenance.integrated_by().expect("the plan can be repeated");
+
+    // On from half of a run that had chosen something else, by what that had chosen.
+    succeeds(folder, "bake knot.toml -o half.npz --isolines 12");
+    let half = writers::npz::read(&folder.join("half.npz")).unwrap();
+    let mut arrays = half.arrays.clone();
+    for name in ["positions", "normals", "triangles"] {
+        arrays.remove(name);
+    }
+    let count = arrays.get("ambient_occlusion").unwrap().shape[0];
+    let partial = Partial {
+        arrays,
+        done: (0..count).map(|i| i % 2 == 0).collect(),
+        provenance: half.provenance.unwrap().with("error", "1e-2"),
+    };
+    assert_ne!(partial.provenance.integrated_by(), Some(method));
+    let part = Partial::path(&folder.join("on.npz"));
+    partial.write(&part).unwrap();
+    assert!(fails(folder, "bake knot.toml -o on.npz --error 1e-3 --resume", 1).contains("error = 1e-2, not 1e-3"));
+    succeeds(folder, "bake knot.toml -o on.npz --error 1e-2 --resume");
+    let on = writers::npz::read(&folder.join("on.npz")).unwrap();
+    assert!(on.arrays == half.arrays);
+    assert!(!part.exists());
+}
+
+#[cfg(not(feature = "embree"))]
+#[test]
+fn a_build_without_embree_says_how_to_get_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in ["bake -o a.npz --method embree", "bake -o a.npz --method embree --error 1e-3"] {
+        let text = fails(folder.path(), arguments, 1);
+        assert!(
+            text.contains("libembree-dev") && text.contains("--features embree") && text.lines().count() == 1,
+            "{text}"
+        );
+    }
+}
+
+#[cfg(feature = "embree")]
+#[test]
+fn embree_integrates_what_the_judge_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("knot.toml"), "[[mesh]]\nshape.torus_knot = { triangles = 2000 }\n").unwrap();
+    for method in ["embree", "qmc"] {
+        succeeds(folder, &format!("bake knot.toml -o {method}.npz --method {method} --samples 1024"));
+    }
+    succeeds(
+        folder,
+        "compare embree.npz qmc.npz --arrays transfer_sh,visibility_sh,ambient_occlusion --fail-above 2e-2",
+    );
+    succeeds(folder, "bake knot.toml -o again.npz --method embree --samples 1024 --threads 1");
+    let [one, two] = ["embree.npz", "again.npz"].map(|name| writers::npz::read(&folder.join(name)).unwrap().arrays);
+    assert!(one == two, "the threads do not matter");
+}
+
 #[test]
 fn films_and_judgements_are_written_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -561,6 +642,12 @@ fn what_proxies_cannot_do_is_said_in_one_line() {
     std::fs::write(folder.join("dark.toml"), "[[character]]\nwalker = {}\n").unwrap();
     assert!(fails(folder, "animate dark.toml -o film", 2).contains("--environment"));
     assert!(fails(folder, "animate --internal-order 3 -o film", 2).contains("less than --order 4"));
+    #[cfg(not(feature = "gpu"))]
     lines(fails(folder, "animate --device gpu -o film", 1), "--features gpu");
+    // Drivers may have something to say of their own.
+    #[cfg(feature = "gpu")]
+    assert!(
+        fails(folder, "animate --device gpu --exponential matrix -o .", 1).contains("`matrix` is for processors only")
+    );
     assert!(listing(folder).iter().all(|name| name.ends_with(".toml")));
 }

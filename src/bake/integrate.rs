@@ -54,6 +54,10 @@ pub(super) struct Counts {
     pub(super) enclosed: u64,
     /// Receivers for which a neighbour's contour search served.
     pub(super) shared_searches: u64,
+    /// Contours below the horizon that the search did not leave out.
+    pub(super) below_horizon: u64,
+    /// Contours between two isolines.
+    pub(super) between_isolines: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -64,6 +68,8 @@ impl std::ops::AddAssign for Counts {
         self.open += other.open;
         self.enclosed += other.enclosed;
         self.shared_searches += other.shared_searches;
+        self.below_horizon += other.below_horizon;
+        self.between_isolines += other.between_isolines;
     }
 }
 
@@ -124,6 +130,8 @@ pub(super) fn run<B: Baker>(
         ("open_receivers", counts.open),
         ("enclosed_receivers", counts.enclosed),
         ("shared_searches", counts.shared_searches),
+        ("contours_below_horizon", counts.below_horizon),
+        ("contours_between_isolines", counts.between_isolines),
     ];
     let statistics = Statistics {
         receivers: solved,

@@ -24,6 +24,7 @@ mod statistics;
 mod tiles;
 pub mod writers;
 
+pub use crate::visibility::Skips;
 pub use arrays::{Array, Arrays};
 pub use baked::{Baked, BakedImage, BakedVertices};
 pub use channels::{components, flip_phase};

@@ -1,9 +1,10 @@
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::plan::{Candidate, Family, Law};
-use super::tiles::{TILE_RADIUS, tiles};
+use super::tiles::TILE_RECEIVERS;
 use super::{Arrays, Control, Outcome, Prepared, Receivers, Request, Unmoved};
 use crate::{Error, Result};
 
@@ -12,15 +13,19 @@ pub(super) struct Pilot<'a> {
     prepared: &'a Prepared<'a>,
     request: &'a Request,
     control: &'a dyn Control,
-    /// A few from many tiles: they show errors.
+    /// From all over: they show errors.
     scattered: Receivers,
-    /// Whole tiles, whose receivers share a search: they show times.
+    /// Neighbours, who share a search as in a bake: they show times.
     tiles: Receivers,
     /// Where there is nothing but the method to measure.
     alone: ThreadPool,
     /// The best values so far.
     reference: Option<Arrays>,
     built: Vec<(Family, f64)>,
+    /// What is known of isolines.
+    lines: Option<Law>,
+    /// What is known of rays, and the values they gave.
+    rays: Option<(Family, [(Level, Arrays); 2])>,
 }
 
 /// One family measured at one count.
@@ -40,15 +45,8 @@ pub(super) struct Level {
 const SHARE: usize = 64;
 const LEAST: usize = 16;
 const MOST: usize = 256;
-/// Receivers of one tile that are measured for errors: neighbours err alike.
-const PIECE: usize = 4;
-/// Receivers of a first look, which decides whether a family is worth measuring; the exact method makes do with fewer.
-const LOOK: usize = 64;
-const EXACT_LOOK: usize = 8;
-/// At fewer lines, or at its best, no family takes less than this share of the time of its first look.
-const LEAST_SHARE: f64 = 0.5;
 /// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
-const SHORT: f64 = 5e-3;
+const SHORT: f64 = 1e-3;
 const REPEATS: usize = 3;
 /// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
 const CAUTION: f64 = 1.4;
@@ -63,19 +61,18 @@ impl<'a> Pilot<'a> {
         control: &'a dyn Control,
     ) -> Result<Self> {
         let alone = ThreadPoolBuilder::new().num_threads(1).build();
-        let bounds = prepared.geometry().bounds();
-        let diagonal = bounds.map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
-        let tiles = tiles(&receivers.positions, TILE_RADIUS * diagonal);
         let wanted = (receivers.len() / SHARE).clamp(LEAST, MOST);
         Ok(Self {
             prepared,
             request,
             control,
-            scattered: receivers.pick(spread(&tiles, wanted, PIECE)),
-            tiles: receivers.pick(spread(&tiles, wanted, usize::MAX)),
+            scattered: receivers.pick(spread(receivers.len(), wanted)),
+            tiles: receivers.pick(neighbourhoods(&receivers.positions, wanted)),
             alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
             reference: None,
             built: Vec::new(),
+            lines: None,
+            rays: None,
         })
     }
 
@@ -95,50 +92,62 @@ impl<'a> Pilot<'a> {
         self.prepared.build(family, &self.tiles)?;
         self.built.push((family, started.elapsed().as_secs_f64()));
         let [coarse, fine] = family.levels();
-        let look = if family == Family::Exact { EXACT_LOOK } else { LOOK };
-        let look = self.tiles.pick(0..self.tiles.len().min(look));
-        let first = self.measure(family, coarse, &look)?.0;
-        if LEAST_SHARE * family.least(aim, f64::from(coarse)) * first.seconds * all as f64 > best {
-            return Ok(None);
+        for &(receivers, share) in family.looks() {
+            let look = self.tiles.pick(0..self.tiles.len().min(receivers));
+            let seconds = self.measure(family, coarse, &look, REPEATS)?.0.seconds;
+            if share * family.least(aim, f64::from(coarse)) * seconds * all as f64 > best {
+                return Ok(None);
+            }
         }
         if family == Family::Exact {
-            let seconds = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)))?.0.seconds;
-            return Ok(Some(Candidate::exact(Level { seconds, ..first }, all)));
+            let (level, _) = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), 1)?;
+            return Ok(Some(Candidate::exact(level, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;
-        let (mut fine, fine_values) = self.level(family, fine)?;
-        match family {
-            Family::Isolines => {
-                coarse.rmse = difference(&coarse_values, &fine_values);
-                self.reference = Some(fine_values);
-            }
-            _ => {
-                let caution = if family == Family::Embree { CAUTION } else { 1.0 };
-                coarse.rmse = match &self.reference {
-                    Some(reference) => difference(&coarse_values, reference),
-                    None => coarse.stated / caution,
-                };
-            }
+        let (fine, fine_values) = self.level(family, fine)?;
+        if family == Family::Isolines {
+            coarse.rmse = difference(&coarse_values, &fine_values);
+            self.reference = Some(fine_values);
+            let law = Law::new(family, [coarse, fine]);
+            self.lines = Some(law);
+            return Ok(Some(law.candidate(aim, all)));
         }
-        let law = Law::new(family, [coarse, fine]);
-        let count = law.count(aim);
-        let candidate = law.candidate(aim, all);
-        if family == Family::Isolines && f64::from(count) > TRUSTED * fine.count && candidate.expected_seconds < best {
-            (fine, _) = self.level(family, count)?;
-            return Ok(Some(Law::new(family, [coarse, fine]).candidate(aim, all)));
-        }
-        Ok(Some(candidate))
+        let caution = if family == Family::Embree { CAUTION } else { 1.0 };
+        coarse.rmse = coarse.stated / caution;
+        self.rays = Some((family, [(coarse, coarse_values), (fine, fine_values)]));
+        Ok(Some(self.revised_rays(aim, all).unwrap_or_else(|| Law::new(family, [coarse, fine]).candidate(aim, all))))
     }
 
-    /// Time of whole tiles, errors and values of scattered receivers.
+    /// What rays promise, now that isolines have told how wrong they are.
+    pub(super) fn revised_rays(&self, aim: f64, all: usize) -> Option<Candidate> {
+        let (reference, (family, levels)) = self.reference.as_ref().zip(self.rays.as_ref())?;
+        let levels = [0, 1].map(|i| {
+            let (level, values) = &levels[i];
+            Level { rmse: difference(values, reference), ..*level }
+        });
+        Some(Law::new(*family, levels).candidate(aim, all))
+    }
+
+    /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured.
+    pub(super) fn look_again(&self, promised: &Candidate, aim: f64, all: usize) -> Result<Option<Candidate>> {
+        let Some(law) = self.lines.filter(|_| promised.family == Family::Isolines) else { return Ok(None) };
+        let [coarse, fine] = law.levels;
+        if f64::from(promised.count) <= TRUSTED * fine.count {
+            return Ok(None);
+        }
+        let (finer, _) = self.level(Family::Isolines, promised.count)?;
+        Ok(Some(Law::new(Family::Isolines, [coarse, finer]).candidate(aim, all)))
+    }
+
+    /// Time of neighbours, errors and values of scattered receivers.
     fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
-        let (errors, arrays) = self.measure(family, count, &self.scattered)?;
-        let (time, _) = self.measure(family, count, &self.tiles)?;
+        let (errors, arrays) = self.measure(family, count, &self.scattered, 1)?;
+        let (time, _) = self.measure(family, count, &self.tiles, REPEATS)?;
         Ok((Level { stated: errors.stated, ..time }, arrays))
     }
 
-    /// Time, stated error and values of one method.
-    fn measure(&self, family: Family, count: u32, receivers: &Receivers) -> Result<(Level, Arrays)> {
+    /// Time, the least of at most `repeats`, stated error and values of one method.
+    fn measure(&self, family: Family, count: u32, receivers: &Receivers, repeats: usize) -> Result<(Level, Arrays)> {
         let control = Unmoved(self.control);
         let method = family.method(count);
         let mut least = f64::INFINITY;
@@ -149,7 +158,7 @@ impl<'a> Pilot<'a> {
                 return Err(Error::Interrupted);
             }
             least = least.min(statistics.processor_seconds);
-            if repeat == REPEATS || least > SHORT {
+            if repeat == repeats || least > SHORT {
                 let level = Level {
                     count: count.into(),
                     seconds: least / receivers.len().max(1) as f64,
@@ -164,13 +173,26 @@ impl<'a> Pilot<'a> {
     }
 }
 
-/// About `wanted` receivers from tiles that are evenly spread, at most `each` of every tile.
-fn spread(tiles: &[Vec<u32>], wanted: usize, each: usize) -> Vec<usize> {
-    let size = |tile: &Vec<u32>| tile.len().min(each);
-    let all: usize = tiles.iter().map(size).sum();
-    let count = (wanted * tiles.len()).div_ceil(all.max(1)).min(tiles.len());
-    let chosen = (0..count).map(|i| &tiles[(2 * i + 1) * tiles.len() / (2 * count)]);
-    chosen.flat_map(|tile| &tile[..size(tile)]).map(|&receiver| receiver as usize).collect()
+/// `wanted` of `all` numbers, evenly spread.
+fn spread(all: usize, wanted: usize) -> impl Iterator<Item = usize> {
+    let wanted = wanted.min(all);
+    (0..wanted).map(move |i| (2 * i + 1) * all / (2 * wanted))
+}
+
+/// About `wanted` receivers in groups as large as tiles, each of those nearest to one of them.
+fn neighbourhoods(positions: &[DVec3], wanted: usize) -> Vec<usize> {
+    let size = wanted.min(TILE_RECEIVERS).min(positions.len());
+    let mut picked = Vec::with_capacity(wanted);
+    for centre in spread(positions.len(), wanted.div_ceil(TILE_RECEIVERS)) {
+        let centre = positions[centre];
+        let mut near: Vec<(f64, usize)> =
+            positions.iter().enumerate().map(|(i, p)| (p.distance_squared(centre), i)).collect();
+        if size < near.len() {
+            near.select_nth_unstable_by(size, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        }
+        picked.extend(near[..size].iter().map(|&(_, index)| index));
+    }
+    picked
 }
 
 /// Root mean square of the difference in the worst array.
@@ -190,4 +212,47 @@ pub(super) fn stated(arrays: &Arrays) -> f64 {
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = values.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));
     (sum / f64::max(count, 1.0)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_spread_and_neighbourhoods_hold_the_nearest() {
+        assert_eq!(spread(100, 4).collect::<Vec<_>>(), [12, 37, 62, 87]);
+        assert_eq!(spread(3, 8).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(spread(0, 8).count(), 0);
+        let positions: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i * 7 % 1000)).collect();
+        let picked = neighbourhoods(&positions, 128);
+        assert_eq!(picked.len(), 128);
+        for group in picked.chunks(TILE_RECEIVERS) {
+            let places: Vec<f64> = group.iter().map(|&i| positions[i].x).collect();
+            let (low, high) = places.iter().fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
+            assert_eq!(high - low, 63.0, "64 neighbours on a line, none left out");
+        }
+        assert_eq!(neighbourhoods(&positions[..5], 16).len(), 5);
+        assert!(neighbourhoods(&[], 16).is_empty());
+    }
+
+    #[test]
+    fn power_laws_are_extrapolated_exactly() {
+        let level = |count: f64| Level {
+            count,
+            seconds: 1e-6 * (3.0 + 0.1 * count),
+            build: 0.0,
+            rmse: 2.0 * count.powf(-0.75),
+            stated: 3.0 * count.powf(-0.75),
+        };
+        let both = Law::new(Family::Qmc, [level(64.0), level(512.0)]).candidate(2.0 * 2f64.powf(-9.0), 1000);
+        assert_eq!(both.count, 4096);
+        assert!((both.expected_error / 2.0 * 2f64.powf(9.0) - 1.0).abs() < 1e-9, "{both:?}");
+        assert!((both.expected_seconds - 1e-3 * (3.0 + 409.6)).abs() < 1e-9, "{both:?}");
+        // Without an error at the finer level the stated ones tell how it falls.
+        let one = Law::new(Family::Qmc, [level(64.0), Level { rmse: 0.0, ..level(512.0) }]);
+        assert_eq!(one.candidate(2.0 * 2f64.powf(-9.0), 1000).count, 4096);
+        // Nothing wrong: the least that makes sense.
+        let right = Level { rmse: 0.0, stated: 0.0, ..level(64.0) };
+        assert_eq!(Law::new(Family::Isolines, [right, right]).candidate(1e-3, 10).count, 4);
+    }
 }

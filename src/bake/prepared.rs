@@ -10,13 +10,14 @@ use super::solver::Solver;
 use super::{Control, Family, Method, Outcome, Partial, Receivers, Request};
 use crate::reference::RayScene;
 use crate::scene::{Environment, FaceTree, Geometry};
-use crate::visibility::Viewer;
+use crate::visibility::{Skips, Viewer};
 use crate::{Error, Result};
 
 /// A scene made ready for integration: what a method searches in is built when it is first needed, and serves all runs.
 pub struct Prepared<'a> {
     geometry: &'a Geometry,
     environment: Option<&'a Environment>,
+    skips: Skips,
     contours: OnceLock<(DualBvh, FaceTree)>,
     rays: OnceLock<RayScene>,
     #[cfg(feature = "embree")]
@@ -29,11 +30,21 @@ impl<'a> Prepared<'a> {
         Self {
             geometry,
             environment,
+            skips: Skips::default(),
             contours: OnceLock::new(),
             rays: OnceLock::new(),
             #[cfg(feature = "embree")]
             embree: super::by_embree::EmbreeScenes::default(),
         }
+    }
+
+    /// Leaves out only this work; the results are the same, bit for bit.
+    pub fn with_skips(self, skips: Skips) -> Self {
+        Self { skips, ..self }
+    }
+
+    pub(super) fn skips(&self) -> Skips {
+        self.skips
     }
 
     /// The scene.
@@ -71,7 +82,7 @@ impl<'a> Prepared<'a> {
         let started = Instant::now();
         match method {
             Method::Isolines { .. } | Method::Exact => {
-                let baker = Solver::new(self, light, request, &layout, method, receivers.normals.is_empty())?;
+                let baker = Solver::new(self, light, request, &layout, method)?;
                 run(&baker, &layout, self.geometry, receivers, method, request, resume, started, control)
             }
             Method::Qmc { samples, seed } => {
@@ -89,7 +100,8 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Builds what `family` searches in, on all threads.
+    /// Builds what `family` searches in, on all threads; Embree's tree depends on whether the receivers leave faces out.
+    #[cfg_attr(not(feature = "embree"), expect(unused_variables, reason = "only Embree asks for the receivers"))]
     pub(super) fn build(&self, family: Family, receivers: &Receivers) -> Result<()> {
         match family {
             Family::Isolines | Family::Exact => self.viewer().map(|_| ()),

@@ -42,7 +42,7 @@ impl Receivers {
     /// Receivers on no surface of the scene: positions are used as given, and so are the
     /// directions of the normals; what digits in a file leave their lengths short of 1 is made up. See [`Receivers::on_surface`].
     pub fn points(points: impl IntoIterator<Item = (DVec3, DVec3)>) -> Self {
-        let (positions, normals) = points.into_iter().map(|(p, n)| (p, n.normalize_or_zero())).unzip();
+        let (positions, normals) = points.into_iter().map(|(p, n)| (p, unit(n))).unzip();
         Self { positions, normals, ..Self::default() }
     }
 
@@ -128,4 +128,9 @@ impl Receivers {
         };
         Receiver { position: self.positions[index], normal: self.normals.get(index).copied(), excluded }
     }
+}
+
+/// A vector's direction. What is of unit length to rounding keeps its bits: bringing it there again might change the last one.
+fn unit(n: DVec3) -> DVec3 {
+    if (n.length_squared() - 1.0).abs() < 1e-15 { n } else { n.normalize_or_zero() }
 }

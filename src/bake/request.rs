@@ -46,9 +46,10 @@ impl Default for Request {
 /// How visibility is integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Octahedral u-isolines (Nowrouzezahrai, Baran, Mitchell and Jarosz 2014).
+    /// Along isolines (Nowrouzezahrai, Baran, Mitchell and Jarosz 2014): those of the octahedral map under textured light,
+    /// those of an equal-area chart for everything else.
     Isolines {
-        /// Number of lines over the sphere; the error falls as its power 1.5.
+        /// Number of lines over the sphere, closed loops or pairs of opposite meridians; the error falls as its power 1.5.
         lines: u32,
     },
     /// The visible region's boundary without discretisation, and closed forms over it: no knob.

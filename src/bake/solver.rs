@@ -11,8 +11,10 @@ use super::{Prepared, Receivers, Request};
 use crate::integrand::{LightMoments, LightRegion, LightTable, LineHarmonics, LineMoments};
 use crate::reference::{self, PixelDistribution, Qmc};
 use crate::scene::Environment;
-use crate::sphere;
-use crate::visibility::{Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, View, Viewer, open_intervals};
+use crate::sphere::{self, Order};
+use crate::visibility::{
+    Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, Skips, View, Viewer, open_intervals,
+};
 use crate::{Error, Result};
 
 /// Visibility by contours: along isolines or exactly, and each as the other's second opinion.
@@ -22,8 +24,7 @@ pub(super) struct Solver<'a> {
     prepared: &'a Prepared<'a>,
     viewer: Viewer<'a>,
     method: Method,
-    /// Whether receivers see all around.
-    is_for_probes: bool,
+    skips: Skips,
     assembly: Assembly<'a>,
     gradients: bool,
     layout: &'a Layout,
@@ -33,7 +34,7 @@ pub(super) struct Solver<'a> {
     bright: OnceLock<Option<PixelDistribution>>,
 }
 
-/// Tables of the isolines: those over the receiver's hemisphere, and those that all receivers share.
+/// The isolines and their tables, for harmonics and for textured light.
 struct Lines {
     harmonics: Option<(Meridians, LineHarmonics)>,
     light: Option<(Isolines, LightTable)>,
@@ -57,8 +58,8 @@ const LAST_RAYS: u32 = 1 << 16;
 pub(super) struct Memory {
     view: View,
     moments: LineMoments,
-    /// One hemisphere's harmonics, turned from the axes of its chart.
-    turned: Vec<f64>,
+    /// Harmonics in the axes of a chart.
+    local: Vec<f64>,
     seen: Seen,
     gradients: Gradients,
     /// For looks at a receiver's neighbourhood, which leave the tile's search alone.
@@ -72,13 +73,12 @@ impl<'a> Solver<'a> {
         request: &Request,
         layout: &'a Layout,
         method: Method,
-        is_for_probes: bool,
     ) -> Result<Self> {
         let solver = Self {
             prepared,
             viewer: prepared.viewer()?,
             method,
-            is_for_probes,
+            skips: prepared.skips(),
             assembly: Assembly::new(environment, request, layout)?,
             gradients: request.gradients,
             layout,
@@ -90,7 +90,7 @@ impl<'a> Solver<'a> {
         match method {
             Method::Isolines { lines } => {
                 let isolines = Isolines::new(lines as usize)?;
-                solver.lines.get_or_init(|| Lines::new(isolines, &solver.assembly, is_for_probes));
+                solver.lines.get_or_init(|| Lines::new(isolines, &solver.assembly));
             }
             Method::Exact => {
                 solver.region_light();
@@ -173,12 +173,12 @@ impl<'a> Solver<'a> {
     fn along_isolines(&self, rank: usize, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let lines = self.lines.get_or_init(|| {
             let isolines = Isolines::new(SECOND_LINES).expect("the number of isolines is a constant");
-            Lines::new(isolines, &self.assembly, self.is_for_probes)
+            Lines::new(isolines, &self.assembly)
         });
         counts.contours = 0;
         let mut alarm = false;
-        if let Some((meridians, table)) = &lines.harmonics {
-            alarm |= self.along_meridians(meridians, table, rank, receiver, memory, counts);
+        if let Some(harmonics) = &lines.harmonics {
+            alarm |= self.along_meridians(harmonics, rank, receiver, memory, counts);
         }
         if let Some((isolines, table)) = &lines.light {
             alarm |= self.light_along_isolines(isolines, table, rank, receiver, memory, counts);
@@ -186,47 +186,43 @@ impl<'a> Solver<'a> {
         alarm
     }
 
-    /// The harmonics of what a receiver sees: of its hemisphere, or of both halves of a probe's sphere.
+    /// The harmonics of what a receiver sees.
     fn along_meridians(
         &self,
-        meridians: &Meridians,
-        table: &LineHarmonics,
+        (meridians, table): &(Meridians, LineHarmonics),
         rank: usize,
         receiver: Receiver,
         memory: &mut Memory,
         counts: &mut Counts,
     ) -> bool {
-        let Memory { view, moments, turned, seen, .. } = memory;
-        let size = table.order().len();
+        let Memory { view, moments, local, seen, .. } = memory;
+        let order = table.order();
+        let frame = MeridianFrame::facing(receiver.normal, rank > 0);
+        let sight = self.viewer.trace(meridians, frame, receiver, self.skips, view);
+        let contours = view.counts();
+        counts.contours = contours.above as u64;
+        counts.below_horizon = contours.below as u64;
+        counts.between_isolines = contours.between as u64;
+        counts.open += u64::from(sight == Sight::Open);
+        counts.enclosed += u64::from(sight == Sight::Enclosed);
         seen.visibility.clear();
-        seen.visibility.resize(size, 0.0);
-        turned.resize(size, 0.0);
-        let (mut alarms, mut difference) = (0, 0.0);
-        let (mut is_open, mut is_enclosed) = (true, true);
-        let halves = receiver.normal.map_or([Some(DVec3::Z), Some(DVec3::NEG_Z)], |normal| [Some(normal), None]);
-        for normal in halves.into_iter().flatten() {
-            let frame = MeridianFrame::new(normal, rank);
-            let sight = self.viewer.trace(meridians, frame, receiver, view);
-            counts.contours += view.counts().above as u64;
-            is_open &= sight == Sight::Open;
-            is_enclosed &= sight == Sight::Enclosed;
-            let seen_half = match sight {
-                Sight::Open => table.open(),
-                Sight::Enclosed => continue,
-                Sight::Part(sweep) => {
-                    alarms += sweep.depth_alarms;
-                    table.integrate(view.spans(), moments);
-                    &*moments
-                }
-            };
-            sphere::rotate(table.order(), frame.axes(), &seen_half.sum, turned);
-            seen.visibility.iter_mut().zip(&*turned).for_each(|(sum, half)| *sum += half);
-            difference += seen_half.difference.iter().map(|x| x * x).sum::<f64>();
+        seen.visibility.resize(order.len(), 0.0);
+        seen.visibility_error = ROUNDING;
+        match sight {
+            Sight::Open => open_sky(order, receiver.normal, &mut seen.visibility),
+            Sight::Enclosed => {}
+            Sight::Part(_) => {
+                table.integrate(view.spans(), moments);
+                let [even, odd] = &moments.sets;
+                local.clear();
+                local.extend(even.iter().zip(odd).map(|(even, odd)| even + odd));
+                table.turn(frame, local, &mut seen.visibility);
+                // Turning keeps the length of the difference.
+                let difference = even.iter().zip(odd).map(|(even, odd)| (even - odd).powi(2)).sum::<f64>();
+                seen.visibility_error += NESTED * (difference / order.len() as f64).sqrt();
+            }
         }
-        counts.open += u64::from(is_open);
-        counts.enclosed += u64::from(is_enclosed);
-        seen.visibility_error = ROUNDING + NESTED * (difference / size as f64).sqrt();
-        alarms > 0
+        matches!(sight, Sight::Part(sweep) if sweep.depth_alarms > 0)
     }
 
     /// The vector irradiance of a textured environment, along the isolines that all receivers share.
@@ -353,11 +349,10 @@ const ROUNDING: f64 = 4e-15;
 const NESTED: f64 = 4.0;
 
 impl Lines {
-    /// The number of isolines is that over the whole sphere for light, and for probes; over the hemisphere otherwise.
-    fn new(isolines: Isolines, assembly: &Assembly, is_for_probes: bool) -> Self {
+    /// An octahedral isoline is a loop around the sphere, a meridian half of one: there are twice as many.
+    fn new(isolines: Isolines, assembly: &Assembly) -> Self {
         let harmonics = assembly.bands.map(|bands| {
-            let count = if is_for_probes { isolines.len() / 2 } else { isolines.len() };
-            let meridians = Meridians::new(count).expect("as many as there are of the others");
+            let meridians = Meridians::new(2 * isolines.len()).expect("the isolines are as many as they may be");
             let harmonics = LineHarmonics::new(bands, &meridians);
             (meridians, harmonics)
         });
@@ -373,11 +368,29 @@ impl Baker for Solver<'_> {
     type Memory = Memory;
 
     fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Memory) -> Result<Counts> {
-        self.viewer.approach(tile.iter().map(|&index| receivers.get(index as usize)), &mut memory.view);
-        let mut counts = Counts { shared_searches: tile.len() as u64 - 1, ..Counts::default() };
-        for (&index, row) in tile.iter().zip(rows.chunks_exact_mut(self.layout.width)) {
-            counts += self.receiver(index as usize, receivers.get(index as usize), row, memory)?;
+        let mut counts = Counts::default();
+        let together = if self.skips.shared_searches { tile.len() } else { 1 };
+        for (tile, rows) in tile.chunks(together).zip(rows.chunks_mut(together * self.layout.width)) {
+            let receivers = tile.iter().map(|&index| receivers.get(index as usize));
+            if self.skips.below_horizon {
+                self.viewer.approach(receivers.clone(), &mut memory.view);
+            } else {
+                let all_around = receivers.clone().map(|receiver| Receiver { normal: None, ..receiver });
+                self.viewer.approach(all_around, &mut memory.view);
+            }
+            counts.shared_searches += tile.len() as u64 - 1;
+            for ((&index, receiver), row) in tile.iter().zip(receivers).zip(rows.chunks_exact_mut(self.layout.width)) {
+                counts += self.receiver(index as usize, receiver, row, memory)?;
+            }
         }
         Ok(counts)
+    }
+}
+
+/// Harmonics of a receiver that sees all of its hemisphere, or of a probe that sees the whole sphere.
+fn open_sky(order: Order, normal: Option<DVec3>, out: &mut [f64]) {
+    match normal {
+        Some(normal) => out.copy_from_slice(&sphere::hemisphere(order, normal)),
+        None => out[0] = (4.0 * std::f64::consts::PI).sqrt(),
     }
 }

@@ -4,7 +4,7 @@ use clap::Args;
 use glam::{DMat3, DVec3};
 
 use crate::bake::{Control, Method};
-use crate::proxy::{Actor, DistantLight, Posed, Renderer, baked_surface, static_surface};
+use crate::proxy::{Actor, DistantLight, Engine, Posed, baked_surface, static_surface};
 use crate::report::Film;
 use crate::scene::{Body, Environment, Scene};
 use crate::{Error, Result};
@@ -66,12 +66,12 @@ Written are frame_0000.png, ..., contact_sheet.png, frames.csv, frames.json and 
 Examples:
   silhouette animate -o film
   silhouette animate walkers.toml --frames 240 --fps 24 --bake 64 -o film
+  silhouette animate --device gpu -o film
   silhouette animate --environment studio.exr --turn-light 30 --exponential hyb --self-shadowing replaced -o film";
 
 impl Animate {
     /// Renders and writes the frames.
     pub fn run(&self) -> std::result::Result<(), Failure> {
-        self.device.check()?;
         let settings = self.proxies.settings()?;
         let scene = animated(self.scene.as_deref())?;
         let bodies = with_spheres(scene.characters, self.spheres)?;
@@ -96,7 +96,11 @@ impl Animate {
                 }
             };
             let light = DistantLight::new(&environment, settings.order);
-            let mut renderer = Renderer::new(settings, &camera, &set, &light, Some(&environment))?;
+            let engine = match self.device {
+                Device::Cpu => Engine::cpu,
+                Device::Gpu => Engine::gpu,
+            };
+            let mut renderer = engine(settings, &camera, &set, &light, Some(&environment))?;
             let mut film = Film::default();
             terminal.begin("rendering", self.frames.into());
             for frame in 0..self.frames {

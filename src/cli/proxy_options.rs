@@ -5,7 +5,6 @@ use clap::{Args, ValueEnum};
 
 use crate::proxy::{Exponential, IndirectOperator, Interpolant, SelfShadowing, Settings, Upsampling};
 use crate::sphere::Order;
-use crate::{Error, Result};
 
 use super::Failure;
 
@@ -102,16 +101,4 @@ pub enum Device {
     Cpu,
     /// Graphics processor
     Gpu,
-}
-
-impl Device {
-    /// Fails where this build cannot use the device.
-    pub fn check(self) -> Result<()> {
-        match self {
-            Self::Cpu => Ok(()),
-            Self::Gpu => Err(Error::input(
-                "this silhouette cannot use graphics processors; build it with --features gpu, or leave out --device gpu",
-            )),
-        }
-    }
 }

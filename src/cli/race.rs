@@ -32,10 +32,10 @@ pub struct Race {
     #[arg(long, value_name = "T", value_delimiter = ',', default_values_t = [1],
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Vec<usize>,
-    /// Receivers, about: whole tiles of a bake of 131072 points [default: 512; quick: 64]
+    /// Receivers, about: whole tiles of a bake of 131072 points [default: 1024; quick: 64]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=131_072))]
     receivers: Option<usize>,
-    /// Seconds that a run may take; dearer settings are left out [default: 4; quick: 0.05]
+    /// Seconds that a run may take; dearer settings are left out [default: 8; quick: 0.05]
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     budget: Option<f64>,
     /// Rounds; the least time counts [default: 2; quick: 1]
@@ -103,10 +103,10 @@ impl Race {
             ([], false) => SCENES.map(PathBuf::from).into(),
             (named, _) => named.to_vec(),
         };
-        let receivers = self.receivers.unwrap_or(if self.quick { 64 } else { 512 });
+        let receivers = self.receivers.unwrap_or(if self.quick { 64 } else { 1024 });
         let settings = Settings {
             repeats: self.repeats.unwrap_or(if self.quick { 1 } else { 2 }),
-            budget: self.budget.unwrap_or(if self.quick { 0.05 } else { 4.0 }),
+            budget: self.budget.unwrap_or(if self.quick { 0.05 } else { 8.0 }),
         };
         let quantities: Vec<Quantity> = self.quantities.iter().map(|load| load.quantity()).collect();
         let terminal = Terminal::new(self.quiet);

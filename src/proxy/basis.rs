@@ -61,6 +61,12 @@ pub fn basis<const BANDS: usize, const LEN: usize>([x, y, z]: [Lanes; 3]) -> [La
     out
 }
 
+/// The factors of the recurrence for code in another language: those of [`basis`], `(diagonal[m], steps[m][l])`.
+#[cfg(feature = "gpu")]
+pub(super) fn factors() -> (&'static [f32; MAX_BANDS], &'static [[[f32; 2]; MAX_BANDS]; MAX_BANDS]) {
+    (&FACTORS.diagonal, &FACTORS.steps)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -55,6 +55,13 @@ struct Skin {
     influences: Vec<Influences>,
 }
 
+/// A vertex in a pose, a third of the area around it, and the nodes that hold it with their shares.
+struct HeldVertex {
+    position: DVec3,
+    area: f64,
+    weights: Vec<(usize, f64)>,
+}
+
 /// Where every node of a character stands in the world.
 #[derive(Clone, Debug)]
 pub struct Pose {
@@ -179,8 +186,8 @@ impl Character {
             let center = sphere.center.as_dvec3();
             let mut areas = BTreeMap::new();
             let mut nearest = (f64::INFINITY, 0);
-            for (p, area, weights) in &held {
-                let distance = p.distance(center);
+            for HeldVertex { position, area, weights } in &held {
+                let distance = position.distance(center);
                 let strongest = weights.iter().max_by(|a, b| a.1.total_cmp(&b.1));
                 if let Some(strongest) = strongest.filter(|_| distance < nearest.0) {
                     nearest = (distance, strongest.0);
@@ -218,7 +225,7 @@ impl Character {
     }
 
     /// Every vertex in the pose with a third of the area around it and the nodes that hold it.
-    fn held_area(&self, pose: &Pose) -> Vec<(DVec3, f64, Vec<(usize, f64)>)> {
+    fn held_area(&self, pose: &Pose) -> Vec<HeldVertex> {
         let mut held = Vec::new();
         for part in &self.parts {
             let mesh = part.posed(pose);
@@ -236,7 +243,7 @@ impl Character {
                         influences.iter().map(|&(j, w)| (skin.joints[usize::from(j)].0, w / total)).collect()
                     }
                 };
-                held.push((p.as_dvec3(), area, weights));
+                held.push(HeldVertex { position: p.as_dvec3(), area, weights });
             }
         }
         held

@@ -48,8 +48,8 @@ pub(super) fn cover(geometry: &Geometry, balls: &mut [Ball], finest: f64) {
         };
         if let Some(&least) = candidates.iter().min_by(|&&i, &&j| growth(i).total_cmp(&growth(j))) {
             let ball = &mut balls[least as usize];
-            // Rounding must not leave the farthest corner out.
-            ball.radius = reach(ball) * (1.0 + 4.0 * f64::EPSILON);
+            // Rounding must not leave the farthest corner out; a ball that has grown since may hold the piece already.
+            ball.radius = ball.radius.max(reach(ball) * (1.0 + 4.0 * f64::EPSILON));
         }
         true
     });

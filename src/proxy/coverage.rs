@@ -16,7 +16,7 @@ pub struct Coverage {
 }
 
 /// From the sine at which influence ends to the one from which on it is whole: the paper's four entries of the table.
-const FADE: f32 = 1.25;
+pub(super) const FADE: f32 = 1.25;
 
 impl Coverage {
     /// Reach for shadows under `light`: outside of it one proxy changes the irradiance of no receiver, whatever its normal, by

@@ -42,9 +42,9 @@ impl fmt::Display for Exponential {
 pub const ONE: f32 = 3.544_907_7;
 
 /// Bound on |f^| below which `hyb` uses the optimal linear form. The value of the original is not known; 1/4 works.
-const HYB_BOUND: f32 = 0.25;
+pub(super) const HYB_BOUND: f32 = 0.25;
 /// Bound on |f^| below which `ps2` uses the quadratic series.
-const PS2_BOUND: f32 = 1.0;
+pub(super) const PS2_BOUND: f32 = 1.0;
 
 /// One term of a square: `value` f_i f_j, with i <= j and both orders of i and j counted.
 #[derive(Clone, Copy, Debug)]

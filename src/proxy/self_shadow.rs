@@ -140,7 +140,7 @@ pub(super) struct Seen {
 
 /// How deep inside of a sphere, over its radius, a receiver must lie for the sphere to be dropped: for a centre in the tangent
 /// plane or below it, and for one straight above.
-const FADE: [f32; 2] = [0.1, 0.5];
+pub(super) const INSIDE: [f32; 2] = [0.1, 0.5];
 
 /// Applies `rule` to a sphere of `radius` whose centre lies at `offset` from the receivers, in units of length, with the
 /// receivers' unit normals. `distance` is the offset's length and `inverse` one over it.
@@ -167,7 +167,7 @@ pub(super) fn seen(
             }
             if distance.any_below(Lanes::splat(radius)) {
                 let depth = one - distance / radius;
-                let width = elevation.max(Lanes::ZERO) * (FADE[1] - FADE[0]) + Lanes::splat(FADE[0]);
+                let width = elevation.max(Lanes::ZERO) * (INSIDE[1] - INSIDE[0]) + Lanes::splat(INSIDE[0]);
                 seen.weight = seen.weight * (one - depth.max(Lanes::ZERO) / width).smoothstep();
             }
         }

@@ -277,7 +277,7 @@ impl Grid {
             match (inside[i], inside[i + 1]) {
                 (false, true) => from = Some(between(i).next().map_or(middle(i), |crossing| crossing.at)),
                 (true, false) => {
-                    let to = between(i).last().map_or(middle(i), |crossing| crossing.at);
+                    let to = between(i).next_back().map_or(middle(i), |crossing| crossing.at);
                     intervals.extend(from.take().map(|from| [from, to]));
                 }
                 _ => {}

@@ -40,9 +40,9 @@ pub struct Resampling {
 /// The distance from the pixel's tangent plane that halves a receiver's weight, over the receiver's footprint.
 ///
 /// The paper compares depths. Those of a slanted plane differ from receiver to receiver; distances from the plane do not.
-const PLANE_DISTANCE: f32 = 0.05;
+pub(super) const PLANE_DISTANCE: f32 = 0.05;
 /// Pixels whose weights, of which the bilinear ones sum to 1, sum to less are shaded anew.
-const LEAST_WEIGHT: f32 = 0.05;
+pub(super) const LEAST_WEIGHT: f32 = 0.05;
 
 /// What the pass did.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,3 +1,5 @@
+use cpu_time::ProcessTime;
+
 use crate::bake::{Control, Family, Goal, Method, Outcome, Prepared, Receivers, Request, Unmoved};
 use crate::reference::EmbreeVariant;
 use crate::{Error, Result};
@@ -79,7 +81,7 @@ enum Kind {
 }
 
 impl<'a> Entrant<'a> {
-    /// All that this build has: isolines, exact, rays, rays on Embree, and the planner, which must come last, when all is built.
+    /// All that this build has: isolines, exact, rays, rays on Embree, and the planner.
     ///
     /// Of Embree's variants the fastest in this scene is taken, by a run that nobody is charged for.
     ///
@@ -89,37 +91,68 @@ impl<'a> Entrant<'a> {
         prepared: &'a Prepared,
         track: &'a Track,
         quantity: Quantity,
+        builds: &Builds,
         control: &dyn Control,
     ) -> Result<Vec<Self>> {
         let request = quantity.request();
-        let one = track.receivers.pick([0]);
         let entrant = |name, kind, build_seconds| Self { prepared, track, request, kind, name, build_seconds };
-        let build =
-            |method| Ok::<_, Error>(integrate(prepared, &one, &request, method, control)?.statistics.build_seconds);
-        let lines = build(Method::Isolines { lines: 4 })?;
-        let rays = build(Method::Qmc { samples: 8, seed: 0 })?;
         let plain = EmbreeVariant::default();
         let mut all = vec![
-            entrant("isolines", Kind::Family(Family::Isolines, plain), lines),
-            entrant("exact", Kind::Family(Family::Exact, plain), lines),
-            entrant("qmc", Kind::Family(Family::Qmc, plain), rays),
+            entrant("isolines", Kind::Family(Family::Isolines, plain), builds.contours),
+            entrant("exact", Kind::Family(Family::Exact, plain), builds.contours),
+            entrant("qmc", Kind::Family(Family::Qmc, plain), builds.rays),
         ];
-        if (Method::Embree { samples: 8, seed: 0, variant: plain }).check().is_ok() {
-            let mut best = (f64::INFINITY, plain, 0.0);
-            for variant in EmbreeVariant::ALL {
-                let seconds = build(Method::Embree { samples: 8, seed: 0, variant })?;
-                let pilot = Method::Embree { samples: 256, seed: 0, variant };
-                let run = || integrate(prepared, &track.receivers, &request, pilot, control);
-                let time = run()?.statistics.processor_seconds.min(run()?.statistics.processor_seconds);
-                if time < best.0 {
-                    best = (time, variant, seconds);
-                }
+        let mut best: Option<(f64, EmbreeVariant, f64)> = None;
+        for &(variant, seconds) in &builds.embree {
+            let pilot = Method::Embree { samples: 256, seed: 0, variant };
+            let run = || integrate(prepared, &track.receivers, &request, pilot, control);
+            let time = run()?.statistics.processor_seconds.min(run()?.statistics.processor_seconds);
+            if best.is_none_or(|best| time < best.0) {
+                best = Some((time, variant, seconds));
             }
-            let (_, variant, seconds) = best;
+        }
+        if let Some((_, variant, seconds)) = best {
             all.push(entrant("embree", Kind::Family(Family::Embree, variant), seconds));
         }
-        all.push(entrant("auto", Kind::Auto, lines));
+        all.push(entrant("auto", Kind::Auto, builds.contours));
         Ok(all)
+    }
+}
+
+/// Seconds to build what methods search in, from nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Builds {
+    contours: f64,
+    rays: f64,
+    embree: Vec<(EmbreeVariant, f64)>,
+}
+
+impl Builds {
+    /// Builds everything that `prepared` does not have yet, on the threads of the current pool.
+    ///
+    /// # Errors
+    /// As [`Prepared::integrate`].
+    pub fn measure(prepared: &Prepared, track: &Track, control: &dyn Control) -> Result<Self> {
+        let (one, request) = (track.receivers.pick([0]), Quantity::Occlusion.request());
+        let build = |method: Method| {
+            let outcome = integrate(prepared, &one, &request, method, control)?;
+            Ok::<_, Error>(outcome.statistics.build_seconds)
+        };
+        let mut builds = Self {
+            contours: build(Method::Exact)?,
+            rays: build(Method::Qmc { samples: 8, seed: 0 })?,
+            embree: Vec::new(),
+        };
+        for variant in EmbreeVariant::ALL {
+            let method = Method::Embree { samples: 8, seed: 0, variant };
+            if method.check().is_ok() {
+                // Variants of one quality share a tree.
+                let known = builds.embree.iter().find(|(known, _)| known.quality == variant.quality);
+                let seconds = known.map_or_else(|| build(method), |&(_, seconds)| Ok(seconds))?;
+                builds.embree.push((variant, seconds));
+            }
+        }
+        Ok(builds)
     }
 }
 
@@ -165,14 +198,17 @@ impl Contestant for Entrant<'_> {
             },
             Kind::Auto => {
                 let goal = Goal { error: setting, family: None };
+                let clock = ProcessTime::try_now();
                 let plan = self.prepared.plan(&self.track.bake, &self.request, goal, &Unmoved(control))?;
+                let taken = clock.and_then(|clock| clock.try_elapsed());
+                let taken = taken.map_or(plan.report.seconds, |time| time.as_secs_f64());
                 let words = match plan.method {
                     Method::Isolines { lines } => format!("{setting:.0e}: {lines} isolines"),
                     Method::Exact => format!("{setting:.0e}: exact"),
                     Method::Qmc { samples, .. } => format!("{setting:.0e}: {samples} rays"),
                     Method::Embree { samples, .. } => format!("{setting:.0e}: {samples} rays on Embree"),
                 };
-                (plan.method, words, plan.report.seconds / self.track.bake.len() as f64)
+                (plan.method, words, taken / self.track.bake.len() as f64)
             }
         };
         let outcome = integrate(self.prepared, &self.track.receivers, &self.request, method, control)?;

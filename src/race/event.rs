@@ -122,7 +122,11 @@ impl Lane<'_> {
         });
         let before = self.rows.len().checked_sub(2).map(|i| self.rows[i].seconds * receivers as f64);
         let growth = before.map_or(2.0, |before| (seconds / before).clamp(1.0, 4.0));
-        self.finished = seconds * growth > settings.budget || distance.rmse < FLOOR && self.ladder[0] > 1.0;
+        // Tables are built for one setting alone: they may cost as much as the run. Of errors asked for, all are wanted.
+        let tables = run.outcome.statistics.build_seconds;
+        let growth = if self.ladder[0] < 1.0 { 1.0 } else { growth };
+        let dearest = (seconds * growth).max(tables * growth);
+        self.finished = dearest > settings.budget || distance.rmse < FLOOR && self.ladder[0] > 1.0;
         Ok(())
     }
 }

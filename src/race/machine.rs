@@ -37,13 +37,17 @@ impl Machine {
         let unknown = || "unknown".to_owned();
         let load = line("/proc/loadavg", "").and_then(|line| Some(line.split(' ').next()?.to_owned()));
         let build = if cfg!(debug_assertions) { "with assertions" } else { "release" };
-        let embree = if cfg!(feature = "embree") { ", Embree 3" } else { ", no Embree" };
+        #[cfg(feature = "embree")]
+        let embree =
+            crate::reference::EmbreeScene::version().map_or_else(|_| unknown(), |version| format!("Embree {version}"));
+        #[cfg(not(feature = "embree"))]
+        let embree = "no Embree";
         Self {
             processor: line("/proc/cpuinfo", "model name").unwrap_or_else(unknown),
             cores: thread::available_parallelism().map_or(1, std::num::NonZero::get),
             features: if features.is_empty() { std::env::consts::ARCH.to_owned() } else { features.join(", ") },
             load: load.unwrap_or_else(unknown),
-            program: format!("silhouette {} ({build}{embree})", env!("CARGO_PKG_VERSION")),
+            program: format!("silhouette {} ({build}, {embree})", env!("CARGO_PKG_VERSION")),
         }
     }
 }

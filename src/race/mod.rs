@@ -12,7 +12,7 @@ mod targets;
 mod track;
 mod truth;
 
-pub use contestant::{Contestant, Entrant, Run};
+pub use contestant::{Builds, Contestant, Entrant, Run};
 pub use curve::{Curve, Time};
 pub use event::{Settings, run_event};
 pub use machine::Machine;

@@ -9,7 +9,7 @@ use crate::bake::{Control, Prepared, Unmoved};
 use crate::report::{Curve as Line, Plot};
 use crate::{Error, Result};
 
-use super::contestant::{AtOneSetting, Contestant, Entrant};
+use super::contestant::{AtOneSetting, Builds, Contestant, Entrant};
 use super::event::{EVENT_STEPS, Settings, run_event};
 use super::{Comparison, Machine, Quantity, Row, Track, Truth, Verdict};
 
@@ -56,11 +56,12 @@ pub fn race(
     for track in tracks {
         let track = track?;
         let prepared = Prepared::new(&track.geometry, Some(&track.environment));
+        let [first, more @ ..] = &pools[..] else { return Err(Error::input("a race needs a thread")) };
+        let builds = first.install(|| Builds::measure(&prepared, &track, control))?;
         for &quantity in quantities {
-            let [first, more @ ..] = &pools[..] else { return Err(Error::input("a race needs a thread")) };
-            let result = first.install(|| race.event(&track, &prepared, quantity, None, control));
+            let result = first.install(|| race.event(&track, &prepared, &builds, quantity, None, control));
             let on_more = |pool: &rayon::ThreadPool| {
-                pool.install(|| race.event(&track, &prepared, quantity, Some(&TYPICAL), &Unmoved(control)))
+                pool.install(|| race.event(&track, &prepared, &builds, quantity, Some(&TYPICAL), &Unmoved(control)))
             };
             let more = if quantity == Quantity::Occlusion { more } else { &[] };
             let result = result.and_then(|()| more.iter().try_for_each(on_more));
@@ -77,6 +78,7 @@ impl Race {
         &mut self,
         track: &Track,
         prepared: &Prepared,
+        builds: &Builds,
         quantity: Quantity,
         only: Option<&[(&str, f64)]>,
         control: &dyn Control,
@@ -90,7 +92,7 @@ impl Race {
                 track.receivers.len()
             ));
         }
-        let entrants = Entrant::all(prepared, track, quantity, control)?;
+        let entrants = Entrant::all(prepared, track, quantity, builds, control)?;
         let fixed: Vec<AtOneSetting> = only
             .unwrap_or_default()
             .iter()

@@ -6,7 +6,7 @@ use super::contestant::integrate;
 
 /// The values that contestants are measured by.
 ///
-/// They are the exact method's. Along thousands of isolines every one must come out alike, within what both state;
+/// They are the exact method's. Along a thousand isolines every one must come out alike, within what both state;
 /// where it does not, rays decide. All of them must then stand up to rays.
 pub struct Truth {
     arrays: Arrays,
@@ -30,12 +30,14 @@ pub struct Distance {
 }
 
 /// Lines of the second opinion.
-const LINES: u32 = 4096;
+const LINES: u32 = 1024;
 /// Rays of the general check, and of a decision.
 const RAYS: u32 = 1 << 12;
 const DECIDING_RAYS: u32 = 1 << 16;
 /// Standard errors by which thousands of values may be off rays of eight randomisations, which estimate them roughly.
 const SIGMAS: f64 = 12.0;
+/// Standard errors by which a few disputed values may be.
+const DECIDING_SIGMAS: f64 = 6.0;
 /// A single value may be this many times as wrong as values state on average.
 const OUTLIER: f64 = 50.0;
 
@@ -55,20 +57,11 @@ impl Truth {
         if !disputed.is_empty() {
             let few = receivers.pick(disputed.iter().copied());
             let rays = by(&few, Method::Qmc { samples: DECIDING_RAYS, seed: 1 })?;
-            for (number, &receiver) in disputed.iter().enumerate() {
-                let distance = |arrays: &Arrays| {
-                    let pairs = values(arrays).zip(values(&rays));
-                    pairs
-                        .map(|((a, size), (b, _))| {
-                            let (a, b) = (&a.data[receiver * size..][..size], &b.data[number * size..][..size]);
-                            a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
-                        })
-                        .sum::<f64>()
-                };
-                if distance(&lines) < distance(&exact) {
-                    exact = with_row(&exact, &lines, receiver)?;
-                    replaced += 1;
-                }
+            let contradicted = |arrays: &Arrays| beyond(&rows(arrays, &disputed)?, &rays, DECIDING_SIGMAS, 0.0);
+            let lines_too = contradicted(&lines)?;
+            for number in contradicted(&exact)?.into_iter().filter(|number| !lines_too.contains(number)) {
+                exact = with_row(&exact, &lines, disputed[number])?;
+                replaced += 1;
             }
         }
         let rays = by(receivers, Method::Qmc { samples: RAYS, seed: 2 })?;
@@ -142,6 +135,18 @@ fn beyond(a: &Arrays, b: &Arrays, factor: f64, floor: f64) -> Result<Vec<usize>>
     found.sort_unstable();
     found.dedup();
     Ok(found)
+}
+
+/// The rows of `receivers` alone.
+fn rows(arrays: &Arrays, receivers: &[usize]) -> Result<Arrays> {
+    let mut picked = Arrays::new();
+    for array in arrays {
+        let size: usize = array.shape[1..].iter().product();
+        let data = receivers.iter().flat_map(|receiver| &array.data[receiver * size..][..size]).copied().collect();
+        let shape: Vec<usize> = std::iter::once(receivers.len()).chain(array.shape[1..].iter().copied()).collect();
+        picked.push(Array::new(array.name.clone(), shape, data))?;
+    }
+    Ok(picked)
 }
 
 /// `arrays` with one receiver's row from `other`.

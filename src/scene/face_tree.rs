@@ -57,7 +57,7 @@ impl FaceTree {
     /// Calls `visit` with every face that the ray from `origin` may meet, in no particular order, until it breaks.
     pub fn visit(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
         let Some((tree, scale)) = &self.tree else { return };
-        let slab = Slab { origin: origin * *scale, inverse: direction.recip() };
+        let slab = Slab::new(origin * *scale, direction);
         self.descend(tree, |node| slab.meets(node), &mut visit);
     }
 
@@ -97,7 +97,11 @@ impl FaceTree {
                 continue;
             }
             let children = [node.first_index, node.first_index + 1];
-            stack.extend(children.into_iter().filter(|&child| wanted(&tree.nodes[child as usize])));
+            for child in children {
+                if wanted(&tree.nodes[child as usize]) {
+                    stack.push(child);
+                }
+            }
         }
     }
 }
@@ -147,30 +151,29 @@ impl Boundable for Bounds {
     }
 }
 
-/// A ray prepared for the slab test, in f64.
+/// A ray prepared for the slab test, in f64, with boxes that are widened by [`SLACK`] of the largest coordinates.
 struct Slab {
-    origin: DVec3,
+    /// The origin, less by how much the low sides of boxes are moved, and the high ones.
+    low: DVec3,
+    high: DVec3,
     inverse: DVec3,
 }
 
 impl Slab {
+    fn new(origin: DVec3, direction: DVec3) -> Self {
+        // The coordinates of the tree's boxes are at most 1.
+        let slack = DVec3::splat(slack(DVec3::ONE, DVec3::ONE, origin));
+        // Along a side the quotients must be numbers.
+        let along = |x: f64| if x.abs() < 1e-300 { 1e-300f64.copysign(x) } else { x };
+        let direction = DVec3::from_array(direction.to_array().map(along));
+        Self { low: origin + slack, high: origin - slack, inverse: direction.recip() }
+    }
+
+    #[inline(always)]
     fn meets(&self, node: &Bvh2Node) -> bool {
-        let (low, high) = (node.min.as_dvec3(), node.max.as_dvec3());
-        let slack = slack(low, high, self.origin);
-        let (mut near, mut far) = (0.0f64, f64::INFINITY);
-        for axis in 0..3 {
-            let (low, high) = (low[axis] - slack - self.origin[axis], high[axis] + slack - self.origin[axis]);
-            let inverse = self.inverse[axis];
-            if inverse.is_infinite() {
-                if low > 0.0 || high < 0.0 {
-                    return false;
-                }
-                continue;
-            }
-            let (a, b) = (low * inverse, high * inverse);
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
-        }
+        let a = (node.min.as_dvec3() - self.low) * self.inverse;
+        let b = (node.max.as_dvec3() - self.high) * self.inverse;
+        let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
         near <= far * (1.0 + SLACK)
     }
 }

@@ -16,11 +16,27 @@ const ARCTANGENT: [f64; 11] = [
     0.02039846638448244,
 ];
 
+/// The same, cut where the rest is below 4e-9.
+#[expect(clippy::excessive_precision, reason = "the nearest doubles")]
+const ROUGH_ARCTANGENT: [f64; 5] =
+    [0.9999999030343614, -0.33332184265314274, 0.19961549539561524, -0.1375157727170597, 0.0772617775463146];
+
 /// Angle of (x, y), y >= 0, with the x axis: in [0, pi], to 3e-16; NaN for (0, 0).
 ///
 /// Without a branch or a call, so that compilers evaluate several at once, with the same bits.
 #[inline(always)]
 pub fn angle(x: f64, y: f64) -> f64 {
+    angle_by(&ARCTANGENT, x, y)
+}
+
+/// [`angle`] to 4e-9, in two thirds of the time.
+#[inline(always)]
+pub fn rough_angle(x: f64, y: f64) -> f64 {
+    angle_by(&ROUGH_ARCTANGENT, x, y)
+}
+
+#[inline(always)]
+fn angle_by<const N: usize>(arctangent: &[f64; N], x: f64, y: f64) -> f64 {
     const EIGHTH: f64 = std::f64::consts::SQRT_2 - 1.0;
     let width = x.abs();
     let (small, large) = (width.min(y), width.max(y));
@@ -29,9 +45,9 @@ pub fn angle(x: f64, y: f64) -> f64 {
     let denominator = if is_steep { small + large } else { large };
     let z = numerator / denominator;
     let square = z * z;
-    let mut series = ARCTANGENT[10];
-    for term in (0..10).rev() {
-        series = series * square + ARCTANGENT[term];
+    let mut series = arctangent[N - 1];
+    for term in (0..N - 1).rev() {
+        series = series * square + arctangent[term];
     }
     let octant = z * series + if is_steep { FRAC_PI_4 } else { 0.0 };
     let quadrant = if y > width { FRAC_PI_2 - octant } else { octant };
@@ -49,6 +65,7 @@ mod tests {
             for scale in [1.0, 1e-140, 3e150] {
                 let (x, y) = (scale * x, scale * y.abs());
                 assert!((angle(x, y) - y.atan2(x)).abs() < 4.5e-16, "{x} {y}");
+                assert!((rough_angle(x, y) - y.atan2(x)).abs() < 4e-9, "{x} {y}");
             }
         }
         assert_eq!((angle(1.0, 0.0), angle(0.0, 1.0), angle(-2.0, 0.0)), (0.0, FRAC_PI_2, PI));

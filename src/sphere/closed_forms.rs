@@ -55,7 +55,9 @@ pub fn polygon_harmonics(order: Order, corners: &[DVec3], n: Option<DVec3>) -> V
     let arcs: Vec<BoundaryArc> = (0..part.len())
         .filter_map(|k| {
             let (a, b) = (part[k], part[(k + 1) % part.len()]);
-            let normal = a.cross(b - a).try_normalize()?;
+            // A side cut out of the horizon may pass the receiver as near as the polygon does, and then tells no direction.
+            let horizon = n.filter(|n| [a, b].iter().all(|w| n.dot(*w).abs() <= 1e-15 * w.length()));
+            let normal = horizon.or_else(|| a.cross(b - a).try_normalize())?;
             Some(BoundaryArc { start: a.normalize(), end: b.normalize(), normal })
         })
         .collect();
@@ -188,6 +190,30 @@ mod tests {
         let [all, up, down] = [all, up, down].map(|n| polygon_harmonics(order, &corners, n));
         assert!((all[0] * (4.0 * PI).sqrt() - polygon_solid_angle(&corners)).abs() < 1e-14);
         assert!((0..order.len()).all(|i| (all[i] - up[i] - down[i]).abs() < 1e-14));
+    }
+
+    /// What a receiver hides that all but lies on a polygon is the half space behind it, to the distance over that from the
+    /// sides.
+    #[test]
+    fn polygons_within_reach_hide_a_half_space() {
+        let height = 1e-12;
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, z)| DVec3::new(x, -height, z));
+        let order = Order::new(4).unwrap();
+        for n in [DVec3::new(-0.64, -0.06, 0.76), DVec3::new(0.3, 0.9, -0.2), DVec3::new(0.1, -0.9, 0.5)] {
+            let n = n.normalize();
+            // The lune between the horizon and the polygon's plane, by quarters of its sides.
+            let axis = n.cross(DVec3::NEG_Y).normalize();
+            let side = |normal: DVec3, from: DVec3| {
+                let turned = normal.cross(from);
+                [(from, turned), (turned, -from)].map(|(start, end)| BoundaryArc { start, end, normal })
+            };
+            let arcs = [side(n, -axis), side(DVec3::NEG_Y, axis)].concat();
+            let mut lune = vec![0.0; order.len()];
+            region_harmonics(order, &arcs, 2.0 * n.angle_between(DVec3::Y), &mut lune);
+            for (found, expected) in polygon_harmonics(order, &corners, Some(n)).iter().zip(&lune) {
+                assert!((found - expected).abs() < 20.0 * height, "{n}: {found} instead of {expected}");
+            }
+        }
     }
 
     #[test]

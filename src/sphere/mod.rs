@@ -13,7 +13,7 @@ mod quadrature;
 mod rotation;
 mod zonal;
 
-pub use angle::angle;
+pub use angle::{angle, rough_angle};
 pub use arc_integrals::{cosine_along, harmonics_along};
 pub use arcs::{BoundaryArc, vector_area};
 pub use cosine_product::cosine_product;

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::contours::arc_plane;
 use super::crossings::{Passage, Place, passage, spine_jump};
-use super::meridians::{Vertex, above_horizon, crossed};
+use super::meridians::{Way, place};
 use super::{Frame, Isolines, MeridianFrame, Meridians};
 use crate::scene::FaceTree;
 
@@ -77,14 +77,13 @@ pub(super) fn count_at_start(
             let [a, b, c] = faces.corners(face);
             let sign = i32::from(face_sign(position, a, b, c));
             let corners = [a, b, c].map(|x| x.as_dvec3());
-            let ends = corners.map(|x| Vertex::new(frame.apply(x - position), lines));
+            let places = corners.map(|x| place(frame.apply(x - position), lines));
             let mut total = 0;
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
-                if let Some([a, b]) = above_horizon(ends[a], ends[b], lines) {
-                    let (range, sense) = crossed(a.place, b.place);
-                    total += if range.contains(&(lines as u32 / 2)) { orientation * sign * sense } else { 0 };
-                }
+                let plane = || frame.apply(arc_plane(corners[a] - position, corners[a], corners[b]));
+                let way = Way::new(places[a], places[b], lines as i32, plane);
+                total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
             }
             depth += (-total).max(0);
         }

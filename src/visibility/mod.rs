@@ -6,6 +6,7 @@ mod depth;
 pub mod exact;
 mod isolines;
 mod meridians;
+mod skips;
 mod sweep;
 mod view;
 
@@ -13,5 +14,6 @@ pub use contours::{Arc, ReceiverContours};
 pub(crate) use isolines::cycle;
 pub use isolines::{Frame, Isolines};
 pub use meridians::{Counts, MeridianFrame, Meridians, Spans};
+pub use skips::Skips;
 pub use sweep::{Interval, Sweep};
 pub use view::{Receiver, Sight, View, Viewer, open_intervals};

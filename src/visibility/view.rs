@@ -4,9 +4,9 @@ use glam::DVec3;
 use super::crossings::Crossings;
 use super::depth::{count_along, count_at_start, count_on_spine};
 use super::exact::{self, Region};
-use super::meridians;
+use super::meridians::{self, Outlook};
 use super::sweep::{Interval, Sweep, base_line, sweep};
-use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Spans};
+use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Skips, Spans};
 use crate::scene::FaceTree;
 
 /// A point from which the scene is seen.
@@ -100,17 +100,31 @@ impl Viewer<'_> {
         self.project(receiver, view);
     }
 
-    /// What the receiver whose contours were just found sees of the frame's hemisphere: the [`View::spans`] along its
-    /// meridians, if it sees a part.
-    pub fn trace(&self, meridians: &Meridians, frame: MeridianFrame, receiver: Receiver, view: &mut View) -> Sight {
-        let Receiver { position, excluded, .. } = receiver;
-        let View { candidates, contours, meridian_crossings, spans, .. } = view;
-        meridian_crossings.collect(meridians, frame, candidates, contours, position);
+    /// What the receiver whose contours were just found sees along the meridians: the [`View::spans`], if it sees a part.
+    pub fn trace(
+        &self,
+        meridians: &Meridians,
+        frame: MeridianFrame,
+        receiver: Receiver,
+        skips: Skips,
+        view: &mut View,
+    ) -> Sight {
+        let Receiver { position, normal, excluded } = receiver;
+        let View { candidates, contours, meridian_crossings: crossings, spans, .. } = view;
+        let outlook = Outlook { meridians, frame, position, normal };
+        crossings.choose(outlook, candidates, contours, !skips.between_isolines);
         let depth = count_at_start(self.faces, meridians, frame, position, excluded);
-        if meridian_crossings.counts().above == 0 {
-            return if depth == 0 { Sight::Open } else { Sight::Enclosed };
+        let sight = match (crossings.counts().above, depth) {
+            (0, 0) => Some((Sight::Open, skips.open_receivers)),
+            (0, _) => Some((Sight::Enclosed, skips.enclosed_receivers)),
+            _ => None,
+        };
+        if let Some((sight, true)) = sight {
+            return sight;
         }
-        Sight::Part(meridians::sweep(meridians, meridian_crossings, depth, spans))
+        crossings.cross(outlook, candidates);
+        let sweep = meridians::sweep(outlook, crossings, depth, spans);
+        sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
     }
 
     /// What the receiver just faced sees along the isolines: their visible intervals.
@@ -228,13 +242,26 @@ mod tests {
         }
     }
 
-    /// Compares the spans of both hemispheres, or of the receiver's one, with counted rays at points of every meridian.
+    fn portable_crossings_are_the_same(meridians: &Meridians, frame: MeridianFrame, receiver: Receiver, view: &View) {
+        let Receiver { position, normal, .. } = receiver;
+        let outlook = Outlook { meridians, frame, position, normal };
+        let (mut one, mut other) = (meridians::Crossings::default(), meridians::Crossings::default());
+        one.choose(outlook, &view.candidates, &view.contours, false);
+        one.cross(outlook, &view.candidates);
+        other.choose_inline(outlook, &view.candidates, &view.contours, false);
+        other.cross_inline(outlook, &view.candidates);
+        assert!((0..meridians.len()).all(|line| one.along(line) == other.along(line)));
+        assert_eq!(one.counts(), other.counts());
+    }
+
+    /// Compares the spans with counted rays at points of every meridian.
     fn spans_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
-        let meridians = Meridians::new(7).unwrap();
+        let meridians = Meridians::new(14).unwrap();
         viewer.find(receiver, view);
-        let normals = receiver.normal.map_or(vec![DVec3::Z, DVec3::NEG_Z], |n| vec![n]);
-        for frame in normals.into_iter().flat_map(|n| [0, 1].map(|rank| MeridianFrame::new(n, rank))) {
-            let sight = viewer.trace(&meridians, frame, receiver, view);
+        for second in [false, true] {
+            let frame = MeridianFrame::facing(receiver.normal, second);
+            portable_crossings_are_the_same(&meridians, frame, receiver, view);
+            let sight = viewer.trace(&meridians, frame, receiver, Skips::default(), view);
             if let Sight::Part(sweep) = sight {
                 assert_eq!(sweep.depth_alarms, 0);
             }
@@ -244,7 +271,8 @@ mod tests {
                     let tangent = (std::f64::consts::PI * ((step as f64 + 0.387) / 47.0 - 0.5)).tan();
                     let w = frame.axes() * DVec3::new(cos, sin, tangent).normalize();
                     let (depth, closest) = count(triangles, receiver.position, w);
-                    if closest < 1e-9 {
+                    let height = receiver.normal.map_or(1.0, |n| n.dot(w));
+                    if closest < 1e-9 || height < 1e-9 {
                         continue;
                     }
                     let seen = match sight {

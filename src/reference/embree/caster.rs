@@ -1,6 +1,6 @@
 use embree3::{
-    BufferUsage, BuildQuality, Config, Device, Format, GeometryKind, IntersectContextExt, IntersectContextFlags, Ray,
-    Ray8, Scene, SoAHit, ValidMask, ValidMaskN,
+    BufferUsage, BuildQuality, Config, Device, DeviceProperty, Format, GeometryKind, IntersectContextExt,
+    IntersectContextFlags, Ray, Ray8, Scene, SoAHit, ValidMask, ValidMaskN,
 };
 
 use super::directions::{LANES, Packet};
@@ -88,6 +88,18 @@ impl EmbreeScene {
         }
     }
 
+    /// The library's version, such as 3.13.5.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with what Embree says.
+    pub fn version() -> Result<String> {
+        let refuse = |error| Error::input(format!("Embree does not start: {error:?}"));
+        let device =
+            Device::with_config(Config { threads: 1, report_errors: false, ..Config::default() }).map_err(refuse)?;
+        let number = device.get_property(DeviceProperty::VERSION).map_err(refuse)?;
+        Ok(format!("{}.{}.{}", number / 10_000, number / 100 % 100, number % 100))
+    }
+
     /// Whether receivers may leave out faces.
     pub fn filters(&self) -> bool {
         self.filters
@@ -132,7 +144,8 @@ impl EmbreeScene {
             }
             EmbreeKernel::Streams => {
                 let Rays { stream, numbers } = rays;
-                (stream.clear(), numbers.clear());
+                stream.clear();
+                numbers.clear();
                 for (number, [x, y, z]) in &mut turned {
                     let ray = |lane| Ray::segment(*origin, [x[lane], y[lane], z[lane]], 0.0, f32::INFINITY);
                     stream.extend((0..LANES).map(ray));

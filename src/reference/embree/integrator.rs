@@ -133,7 +133,8 @@ impl<'a> EmbreeQmc<'a> {
         let len = self.columns.len();
         assert!(values.len() == len * receivers.len() && errors.len() == values.len());
         self.check(receivers)?;
-        (values.fill(0.0), errors.fill(0.0));
+        values.fill(0.0);
+        errors.fill(0.0);
         if let Some(directions) = &self.around {
             let frames: Vec<DMat3> = receivers.iter().map(|&(number, receiver)| self.frame(number, receiver)).collect();
             self.sum(directions, receivers, &frames, memory);

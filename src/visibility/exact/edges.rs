@@ -115,6 +115,8 @@ pub(super) struct Edges {
     pub horizon: u32,
     /// Directions that are zero or not finite.
     pub bad: u32,
+    /// Edges that are active at a vertex, in the mean.
+    pub mean_active: usize,
     /// The vertices by first use.
     unsorted: Vec<Vertex>,
     /// From the contours' directions to `unsorted`; later from there to `vertices`.
@@ -269,14 +271,18 @@ impl Edges {
             self.places[v as usize] = rank as u32;
             self.vertices.push(self.unsorted[v as usize]);
         }
+        let (mut passed, count) = (0, self.vertices.len() as u64);
         for span in &mut self.spans {
             let (a, b) = (self.places[span.first as usize], self.places[span.second as usize]);
             let [va, vb] = [a, b].map(|rank| &self.vertices[rank as usize]);
             span.wraps = (va.azimuth - vb.azimuth).abs() > 0.5 * TURN_END;
+            let between = u64::from(a.abs_diff(b));
+            passed += if span.wraps { count - between } else { between };
             span.is_forward = (a < b) != span.wraps;
             (span.first, span.second) = if span.is_forward { (a, b) } else { (b, a) };
             self.vertices[span.first as usize].starts += 1;
         }
+        self.mean_active = (passed / count.max(1)) as usize;
     }
 }
 

@@ -11,11 +11,12 @@
 
 use glam::DVec3;
 
+use super::bands::{Active, Bands};
 use super::chart::Chart;
 use super::edges::{Edge, Edges, NIL, SEAM, Vertex, on_seam};
 use super::pieces::{Ending, Pieces};
 use super::region::Region;
-use super::slots::{Active, DOUBT, Slots, has, set, slots_of};
+use super::slots::DOUBT;
 
 /// The sweep is not certain of its answer.
 pub(super) struct Doubt;
@@ -23,16 +24,12 @@ pub(super) struct Doubt;
 /// Buffers of the sweep.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
-    slots: Slots,
+    bands: Bands,
     pieces: Pieces,
-    /// Slot of each active edge.
-    slot_of: Vec<u32>,
-    /// Which edges pass above the vertex.
-    above: Vec<u64>,
-    /// Slots of the edges that end at a vertex, and the masks of those above each when it or they started.
-    ends: Vec<usize>,
+    /// Edges that end at a vertex; for each and its bands which edges were above it at the start; where each begins there.
+    ends: Vec<u32>,
     above_at_start: Vec<u64>,
-    row: Vec<u64>,
+    first_mask: Vec<usize>,
     /// Edges that start at a vertex, downwards, and whether their order is in doubt.
     starts: Vec<u32>,
     doubts: Vec<bool>,
@@ -53,8 +50,7 @@ pub(super) fn sweep(
     if edges.bad > 0 {
         return Err(Doubt);
     }
-    buffers.slots.reset();
-    buffers.slot_of.resize(edges.edges.len(), NIL);
+    buffers.bands.reset(edges);
     let horizon = edges.edges.get(edges.horizon as usize);
     buffers.pieces.reset(horizon.copied());
     let mut sweep = Masks { edges, buffers, chart, horizon, depth_at_pole, region };
@@ -81,99 +77,103 @@ struct Masks<'a> {
 impl Masks<'_> {
     /// Starts the edges that cross the seam; returns the middle of the widest gap between them, and W there.
     fn begin(&mut self) -> (DVec3, i32) {
+        let Buffers { bands, pieces, at_seam, .. } = &mut *self.buffers;
         let ids = self.edges.at_seam.iter().copied().filter(|&id| id != self.edges.horizon);
-        self.buffers.at_seam.clear();
-        self.buffers.at_seam.extend(ids.map(|id| (on_seam(self.edges.edges[id as usize].normal).z, id)));
-        downwards(&mut self.buffers.at_seam);
+        at_seam.clear();
+        at_seam.extend(ids.map(|id| (on_seam(self.edges.edges[id as usize].normal).z, id)));
+        downwards(at_seam);
 
         let mut above = self.depth_at_pole;
         let mut widest = (0.0, DVec3::Z, above);
         let mut previous = DVec3::Z;
         let last = self.horizon.map_or(-DVec3::Z, |horizon| on_seam(horizon.normal));
         let mut at_horizon = above;
-        self.buffers.above.clear();
-        for k in 0..self.buffers.at_seam.len() {
-            let (z, id) = self.buffers.at_seam[k];
+        for k in 0..at_seam.len() {
+            let (z, id) = at_seam[k];
             let edge = &self.edges.edges[id as usize];
-            let start = on_seam(edge.normal);
-            let height = self.horizon.map_or(1.0, |horizon| horizon.normal.dot(start));
+            let ends = self.edges.ends(edge);
+            let height = self.horizon.map_or(1.0, |horizon| horizon.normal.dot(ends.0));
             if height > 0.0 {
-                widen(&mut widest, previous, start, above);
+                widen(&mut widest, previous, ends.0, above);
                 at_horizon = above + edge.jump;
-                previous = start;
+                previous = ends.0;
             }
-            let slot = self.insert(Active::new(id, above, start, height > 0.0));
-            if height.abs() < DOUBT || k > 0 && self.buffers.at_seam[k - 1].0 - z < DOUBT {
-                self.buffers.slots.doubt(slot);
-                if k > 0 {
-                    let upper = self.buffers.at_seam[k - 1].1;
-                    self.buffers.slots.doubt(self.buffers.slot_of[upper as usize] as usize);
-                }
-            }
+            bands.insert(id, edge, ends, Active::new(above, ends.0, height > 0.0));
             // What comes next at the seam is below.
-            self.buffers.above.resize(self.buffers.slots.words(), 0);
-            set(&mut self.buffers.above, slot);
+            bands.set_above(id);
             above += edge.jump;
+            bands.active[id as usize].is_doubtful |= height.abs() < DOUBT;
+            if k > 0 && at_seam[k - 1].0 - z < DOUBT {
+                bands.active[id as usize].is_doubtful = true;
+                bands.active[at_seam[k - 1].1 as usize].is_doubtful = true;
+            }
         }
         widen(&mut widest, previous, last, at_horizon);
-        self.buffers.pieces.depth_at_seam = at_horizon;
+        pieces.depth_at_seam = at_horizon;
         (self.chart.world(widest.1), widest.2)
     }
 
-    fn insert(&mut self, active: Active) -> usize {
-        let edge = &self.edges.edges[active.edge as usize];
-        let slot = self.buffers.slots.insert(active, edge.normal, edge.jump, &self.buffers.above);
-        self.buffers.slot_of[active.edge as usize] = slot as u32;
-        slot
-    }
-
     fn vertex(&mut self, vertex: &Vertex, starts: std::ops::Range<u32>) -> Result<(), Doubt> {
-        let Buffers { slots, pieces, slot_of, above, ends, above_at_start, row, .. } = &mut *self.buffers;
+        let Buffers { bands, pieces, ends, above_at_start, first_mask, .. } = &mut *self.buffers;
         let is_above_horizon = vertex.height > 0.0;
+        let band = bands.band(vertex.position.z);
+        // The bands that the vertex's edges come into.
+        let (mut first, mut last) = (band, band);
         let mut balance = 0;
         ends.clear();
         above_at_start.clear();
+        first_mask.clear();
         let mut id = vertex.ends;
         while id != NIL {
-            let edge = &self.edges.edges[id as usize];
-            balance -= edge.jump;
-            let slot = slot_of[id as usize] as usize;
-            ends.push(slot);
-            slots.above_at_start(slot, row);
-            above_at_start.extend_from_slice(row);
-            id = edge.next_end;
+            ends.push(id);
+            id = self.edges.edges[id as usize].next_end;
+        }
+        // Nothing depends on the order of the contours.
+        let place =
+            |id: &u32| (self.edges.edges[*id as usize].start, self.edges.edges[*id as usize].normal.x.to_bits());
+        ends.sort_unstable_by_key(place);
+        for &id in &*ends {
+            balance -= self.edges.edges[id as usize].jump;
+            first_mask.push(above_at_start.len());
+            bands.above_at_start(id, above_at_start);
+            let active = &bands.active[id as usize];
+            first = first.min(active.first_band as usize);
+            last = last.max(active.last_band as usize);
         }
         for start in starts.clone() {
-            balance += self.edges.edges[start as usize].jump;
+            let edge = &self.edges.edges[start as usize];
+            balance += edge.jump;
+            let (from, to) = bands.range(self.edges.ends(edge));
+            first = first.min(from as usize);
+            last = last.max(to as usize);
         }
         if balance != 0 && is_above_horizon {
             return Err(Doubt);
         }
-        for &slot in &*ends {
-            slots.remove(slot);
+        for &id in &*ends {
+            bands.remove(id, self.edges.edges[id as usize].jump);
         }
-        let (jumps, is_near) = slots.sides(vertex.position, above);
+        let is_near = bands.look(vertex.position, first..=last);
         if is_near {
-            slots.doubt_near(vertex.position);
-            ends.iter().for_each(|&slot| slots.doubt(slot));
+            bands.doubt_near(vertex.position, first..=last);
+            ends.iter().for_each(|&id| bands.active[id as usize].is_doubtful = true);
         }
-        let depth = self.depth_at_pole + jumps;
-        for (k, &slot) in ends.iter().enumerate() {
-            let above_at_start = &above_at_start[k * above.len()..(k + 1) * above.len()];
-            // Those that end here too, above it.
-            let siblings = ends.iter().filter(|&&other| has(above_at_start, other));
-            let depth = depth + siblings.map(|&other| slots.jump(other)).sum::<i32>();
-            let ending = Ending {
-                slot,
-                above_at_start,
-                above_at_end: above,
-                end: vertex.position,
-                ends_above_horizon: is_above_horizon,
-                depth_above: depth,
-            };
-            pieces.end(self.edges, slots, &ending, self.chart, self.region)?;
+        let depth = self.depth_at_pole + bands.jumps_above(band);
+        for (k, &edge) in ends.iter().enumerate() {
+            let above_at_start = &above_at_start[first_mask[k]..];
+            let mut depth_above = depth;
+            if ends.len() > 1 {
+                // Those that end here too, above it.
+                let siblings =
+                    ends.iter().filter(|&&other| other != edge && bands.was_above(edge, above_at_start, other, band));
+                depth_above += siblings.map(|&other| self.edges.edges[other as usize].jump).sum::<i32>();
+            }
+            let end = vertex.position;
+            let ending = Ending { edge, above_at_start, end, ends_above_horizon: is_above_horizon, depth_above };
+            pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
         }
-        self.start(vertex, starts, depth, is_near)
+        self.start(vertex, starts, depth, is_near)?;
+        if self.buffers.bands.is_crowded(first..=last) { Err(Doubt) } else { Ok(()) }
     }
 
     /// Starts edges at a vertex.
@@ -181,21 +181,19 @@ impl Masks<'_> {
         self.buffers.starts.clear();
         self.buffers.starts.extend(starts);
         self.sort_starts(is_near);
+        let Buffers { bands, starts, doubts, .. } = &mut *self.buffers;
         let mut above = depth;
-        for i in 0..self.buffers.starts.len() {
-            let id = self.buffers.starts[i];
-            let starts_above_horizon = vertex.height > 0.0;
-            let slot = self.insert(Active::new(id, above, vertex.position, starts_above_horizon));
-            if self.buffers.doubts[i] {
-                self.buffers.slots.doubt(slot);
-            }
-            above += self.edges.edges[id as usize].jump;
-            if i + 1 < self.buffers.starts.len() {
-                self.buffers.above.resize(self.buffers.slots.words(), 0);
-                set(&mut self.buffers.above, slot);
+        for (i, (&id, &is_doubtful)) in starts.iter().zip(&*doubts).enumerate() {
+            let edge = &self.edges.edges[id as usize];
+            let active = Active::new(above, vertex.position, vertex.height > 0.0);
+            bands.insert(id, edge, self.edges.ends(edge), active);
+            bands.active[id as usize].is_doubtful = is_doubtful;
+            above += edge.jump;
+            if i + 1 < starts.len() {
+                bands.set_above(id);
             }
         }
-        if self.buffers.slots.words() * 64 > Slots::MOST { Err(Doubt) } else { Ok(()) }
+        Ok(())
     }
 
     /// Puts the edges that start at a vertex in order, downwards, by insertion.
@@ -222,42 +220,29 @@ impl Masks<'_> {
 
     /// Ends all edges at the seam, and the horizon.
     fn finish(&mut self) -> Result<(), Doubt> {
-        let Buffers { slots, pieces, slot_of, above, row, at_seam, .. } = &mut *self.buffers;
+        let Buffers { bands, pieces, above_at_start, at_seam, .. } = &mut *self.buffers;
         at_seam.clear();
-        for slot in slots_of(slots.taken()) {
-            let id = slots.get(slot).edge;
-            at_seam.push((on_seam(self.edges.edges[id as usize].normal).z, id));
-        }
+        at_seam.extend(bands.left().map(|id| (on_seam(self.edges.edges[id as usize].normal).z, id)));
         downwards(at_seam);
         for pair in at_seam.windows(2) {
             if pair[0].0 - pair[1].0 < DOUBT {
-                pair.iter().for_each(|&(_, id)| slots.doubt(slot_of[id as usize] as usize));
+                pair.iter().for_each(|&(_, id)| bands.active[id as usize].is_doubtful = true);
             }
         }
-        above.clear();
-        above.resize(slots.words(), 0);
+        bands.clear_above();
         let mut depth = self.depth_at_pole;
         for &(_, id) in &*at_seam {
-            let slot = slot_of[id as usize] as usize;
             let edge = &self.edges.edges[id as usize];
             debug_assert_eq!(edge.end, SEAM);
             let end = on_seam(edge.normal);
             let height = self.horizon.map_or(1.0, |horizon| horizon.normal.dot(end));
-            if height.abs() < DOUBT {
-                slots.doubt(slot);
-            }
-            slots.above_at_start(slot, row);
-            slots.remove(slot);
-            let ending = Ending {
-                slot,
-                above_at_start: row,
-                above_at_end: above,
-                end,
-                ends_above_horizon: height > 0.0,
-                depth_above: depth,
-            };
-            pieces.end(self.edges, slots, &ending, self.chart, self.region)?;
-            set(above, slot);
+            bands.active[id as usize].is_doubtful |= height.abs() < DOUBT;
+            above_at_start.clear();
+            bands.above_at_start(id, above_at_start);
+            bands.set_above(id);
+            bands.remove(id, edge.jump);
+            let ending = Ending { edge: id, above_at_start, end, ends_above_horizon: height > 0.0, depth_above: depth };
+            pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
             depth += edge.jump;
         }
         match self.horizon {

@@ -1,10 +1,14 @@
 //! The visible region without discretisation: the boundary of {W = 0} as arcs of great circles, for closed-form integrals.
 //!
 //! One receiver's life: contours -> vertices and edges in a chart, azimuth about a pole near the normal (`chart`, `edges`)
-//! -> one sweep through a full turn that keeps the active edges in order from the pole downwards and carries W along with
-//! them (`sweep`, `vertex`, `landmarks`, `crossings`) -> the arcs where W turns zero, and the horizon's where nothing hides
-//! it (`boundary`) -> [`Region`].
+//! -> one sweep through a full turn -> the arcs where W turns zero, and the horizon's where nothing hides it -> [`Region`].
+//!
+//! There are two sweeps. The fast one (`masks`) compares each vertex with the active edges near its latitude (`bands`,
+//! `slots`) and locates only what may be visible (`pieces`). It gives up where rounding leaves a choice about something
+//! visible; then the other one (`sweep`, `vertex`, `landmarks`, `crossings`, `boundary`) keeps the active edges in one
+//! order from the pole downwards, carries W along with them, and is right whatever coincides.
 
+mod bands;
 mod boundary;
 mod chart;
 mod crossings;

@@ -2,18 +2,18 @@
 
 use glam::DVec3;
 
+use super::bands::{Active, Bands};
 use super::chart::{Chart, TURN_END, azimuth};
 use super::edges::{Edge, Edges, NIL, on_line};
 use super::masks::Doubt;
 use super::region::Region;
-use super::slots::{DOUBT, Slots};
+use super::slots::DOUBT;
 
-/// The end of an active edge.
+/// The end of an edge, which is no longer active.
 pub(super) struct Ending<'a> {
-    pub slot: usize,
-    /// The edges that were above this one when the younger of the two started, and those that are now.
+    pub edge: u32,
+    /// For each of its bands the edges that were above it when the younger of the two started.
     pub above_at_start: &'a [u64],
-    pub above_at_end: &'a [u64],
     pub end: DVec3,
     pub ends_above_horizon: bool,
     /// W just above the end, if that is above the horizon.
@@ -22,21 +22,47 @@ pub(super) struct Ending<'a> {
 
 /// An edge that crosses the one that ends.
 struct Crossed {
-    slot: usize,
+    edge: u32,
+    jump: i32,
     /// Whether the one that ends rises above it.
     rises: bool,
 }
 
+impl Crossed {
+    /// Change of W just above the one that ends.
+    fn change(&self) -> i32 {
+        if self.rises { -self.jump } else { self.jump }
+    }
+}
+
 impl Ending<'_> {
-    /// The edges among those still active that it has crossed.
-    fn crossed(&self, word: usize, active: u64) -> impl Iterator<Item = Crossed> + use<> {
-        let was_above = self.above_at_start[word];
-        let mut left = (was_above ^ self.above_at_end[word]) & active;
-        std::iter::from_fn(move || {
-            let bit = (left != 0).then(|| left.trailing_zeros())?;
-            left &= left - 1;
-            Some(Crossed { slot: 64 * word + bit as usize, rises: was_above >> bit & 1 != 0 })
-        })
+    /// Calls back for each edge among those still active that it has crossed.
+    #[inline(always)]
+    fn each_crossed(&self, bands: &mut Bands, mut found: impl FnMut(&mut Active, Crossed)) {
+        let Bands { bands, active, .. } = bands;
+        let this = active[self.edge as usize];
+        let mut masks = self.above_at_start;
+        for number in this.bands() {
+            let band = &bands[number];
+            let (was_above, rest) = masks.split_at(band.slots.words());
+            masks = rest;
+            for (word, &was_above) in was_above.iter().enumerate() {
+                let is_above = band.above.get(word).copied().unwrap_or(0);
+                let mut left = (was_above ^ is_above) & band.slots.taken()[word];
+                while left != 0 {
+                    let bit = left.trailing_zeros();
+                    left &= left - 1;
+                    let slot = 64 * word + bit as usize;
+                    let edge = band.slots.edge(slot);
+                    let other = &mut active[edge as usize];
+                    // Two edges may meet in several bands and count in the first of them.
+                    if this.first_band.max(other.first_band) as usize == number {
+                        let rises = was_above >> bit & 1 != 0;
+                        found(other, Crossed { edge, jump: band.slots.jump(slot), rises });
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -90,6 +116,53 @@ fn side(above: i32, jump: i32) -> i8 {
     i8::from(above == 0) - i8::from(above + jump == 0)
 }
 
+/// The crossings of a linked list.
+fn linked(crossings: &[Crossing], first: u32) -> impl Iterator<Item = Crossing> {
+    let crossing = |at: u32| crossings.get(at as usize).copied();
+    std::iter::successors(crossing(first), move |last| crossing(last.next))
+}
+
+/// Parts of an edge, in each of which W is taken to fall before it rises: as low as it may come.
+const PARTS: usize = 32;
+
+/// How W may fall along an edge, wherever within their errors its crossings are.
+struct Worst<'a> {
+    edges: &'a Edges,
+    ends: (DVec3, DVec3),
+    falls: [i32; PARTS],
+    rises: [i32; PARTS],
+}
+
+impl<'a> Worst<'a> {
+    fn new(edges: &'a Edges, ends: (DVec3, DVec3)) -> Self {
+        Self { edges, ends, falls: [0; PARTS], rises: [0; PARTS] }
+    }
+
+    /// Adds a crossing.
+    #[inline(always)]
+    fn add(&mut self, edge: u32, change: i32) {
+        let normal = self.edges.edges[edge as usize].normal;
+        let (a, b) = (normal.dot(self.ends.0), normal.dot(self.ends.1));
+        let parts = PARTS as f64 / (a - b);
+        let (at, error) = (a * parts, DOUBT * parts.abs());
+        if change < 0 {
+            // What is no number falls first.
+            self.falls[((at - error) as usize).min(PARTS - 1)] += change;
+        } else if at + error < PARTS as f64 {
+            self.rises[(at + error) as usize] += change;
+        }
+    }
+
+    /// Whether W stays positive on an edge that starts with this depth on the deeper side.
+    fn stays_above_zero(&self, mut depth: i32) -> bool {
+        self.falls.iter().zip(&self.rises).all(|(fall, rise)| {
+            let deepest = depth + fall;
+            depth = deepest + rise;
+            deepest > 0
+        })
+    }
+}
+
 impl Pieces {
     pub fn reset(&mut self, horizon: Option<Edge>) {
         self.crossings.clear();
@@ -101,30 +174,25 @@ impl Pieces {
     pub fn end(
         &mut self,
         edges: &Edges,
-        slots: &mut Slots,
+        bands: &mut Bands,
         ending: &Ending,
         chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
-        let active = *slots.get(ending.slot);
-        let jump = slots.jump(ending.slot);
+        let edge = &edges.edges[ending.edge as usize];
+        let active = bands.active[ending.edge as usize];
         let (mut change, mut fall) = (active.change, active.fall);
-        let words = 0..ending.above_at_end.len();
-        for word in 0..ending.above_at_end.len() {
-            for crossed in ending.crossed(word, slots.taken()[word]) {
-                let of_other = slots.jump(crossed.slot);
-                let step = if crossed.rises { -of_other } else { of_other };
-                change += step;
-                fall += step.min(0);
-                // In the other's books, too, for when it ends.
-                let step = if crossed.rises { jump } else { -jump };
-                let other = slots.get_mut(crossed.slot);
-                other.change += step;
-                other.fall += step.min(0);
-                let next = std::mem::replace(&mut other.crossings, self.crossings.len() as u32);
-                self.crossings.push(Crossing { edge: active.edge, change: step, next });
-            }
-        }
+        ending.each_crossed(bands, |other, crossed| {
+            let step = crossed.change();
+            change += step;
+            fall += step.min(0);
+            // In the other's books, too, for when it ends.
+            let step = if crossed.rises { edge.jump } else { -edge.jump };
+            other.change += step;
+            other.fall += step.min(0);
+            let next = std::mem::replace(&mut other.crossings, self.crossings.len() as u32);
+            self.crossings.push(Crossing { edge: ending.edge, change: step, next });
+        });
         let depth = if active.starts_above_horizon {
             active.above
         } else if ending.ends_above_horizon {
@@ -132,72 +200,48 @@ impl Pieces {
         } else {
             return Ok(());
         };
-        let deepest = depth + jump.min(0);
+        let deepest = depth + edge.jump.min(0);
         if deepest + fall > 0 {
             return Ok(());
         }
-        self.found.clear();
-        let mut next = active.crossings;
-        while next != NIL {
-            let crossing = self.crossings[next as usize];
-            self.found.push(crossing);
-            next = crossing.next;
-        }
-        for crossed in words.flat_map(|word| ending.crossed(word, slots.taken()[word])) {
-            let of_other = slots.jump(crossed.slot);
-            let change = if crossed.rises { -of_other } else { of_other };
-            self.found.push(Crossing { edge: slots.get(crossed.slot).edge, change, next: NIL });
-        }
         let ends = (active.start, ending.end);
-        if self.stays_above_zero(edges, ends, deepest) {
-            return Ok(());
+        if deepest > 0 {
+            let mut worst = Worst::new(edges, ends);
+            for crossing in linked(&self.crossings, active.crossings) {
+                worst.add(crossing.edge, crossing.change);
+            }
+            ending.each_crossed(bands, |_, crossed| worst.add(crossed.edge, crossed.change()));
+            if worst.stays_above_zero(deepest) {
+                return Ok(());
+            }
         }
-        if slots.is_doubtful(ending.slot) {
+        if active.is_doubtful {
             return Err(Doubt);
         }
+        self.found.clear();
+        self.found.extend(linked(&self.crossings, active.crossings));
+        ending.each_crossed(bands, |_, crossed| {
+            self.found.push(Crossing { edge: crossed.edge, change: crossed.change(), next: NIL });
+        });
         region.residuals.crossings += self.found.len() as u32;
-        let edge = &edges.edges[active.edge as usize];
-        self.locate(edges, edge, active.edge, ends);
+        self.locate(edges, edge, ends);
         if active.starts_above_horizon != ending.ends_above_horizon {
             self.locate_horizon(ends);
         }
         self.walk(edge, depth, (active.start, active.starts_above_horizon), ending.end, chart, region)
     }
 
-    /// Whether W stays positive on an edge that starts with this depth on the deeper side, wherever within their errors its
-    /// crossings are.
-    fn stays_above_zero(&self, edges: &Edges, (start, end): (DVec3, DVec3), mut depth: i32) -> bool {
-        /// Parts of the edge, in each of which W falls before it rises.
-        const PARTS: usize = 32;
-        let (mut falls, mut rises) = ([0; PARTS], [0; PARTS]);
-        for crossing in &self.found {
-            let normal = edges.edges[crossing.edge as usize].normal;
-            let (a, b) = (normal.dot(start), normal.dot(end));
-            let parts = PARTS as f64 / (a - b);
-            let (at, error) = (a * parts, DOUBT * parts.abs());
-            if crossing.change < 0 {
-                // What is no number falls first.
-                falls[((at - error) as usize).min(PARTS - 1)] += crossing.change;
-            } else if at + error < PARTS as f64 {
-                rises[(at + error) as usize] += crossing.change;
-            }
-        }
-        depth > 0
-            && falls.iter().zip(&rises).all(|(fall, rise)| {
-                let deepest = depth + fall;
-                depth = deepest + rise;
-                deepest > 0
-            })
-    }
-
     /// Finds where an edge is crossed.
-    fn locate(&mut self, edges: &Edges, edge: &Edge, id: u32, (start, end): (DVec3, DVec3)) {
+    fn locate(&mut self, edges: &Edges, edge: &Edge, (start, end): (DVec3, DVec3)) {
         self.places.clear();
-        for &Crossing { edge: other_id, change, .. } in &self.found {
-            let other = &edges.edges[other_id as usize];
+        for &Crossing { edge: other, change, .. } in &self.found {
+            let other = &edges.edges[other as usize];
             // On the one or the other, but for both the same point.
-            let (point, error) =
-                if id < other_id { meet((start, end), other.normal) } else { meet(edges.ends(other), edge.normal) };
+            let (point, error) = if (edge.start, edge.end) < (other.start, other.end) {
+                meet((start, end), other.normal)
+            } else {
+                meet(edges.ends(other), edge.normal)
+            };
             self.places.push(Place { order: point.dot(end - start), error, point, change: Some(change) });
         }
     }

@@ -1,4 +1,4 @@
-//! The active edges of the sweep by masks, side by side for vector instructions.
+//! Active edges side by side, for vector instructions.
 
 use glam::DVec3;
 
@@ -28,43 +28,8 @@ pub(super) struct Slots {
     /// Word w of slot s at `w * capacity + s`: which edges lay above the slot's edge when it started.
     rows: Vec<u64>,
     taken: Vec<u64>,
-    /// Edges that some vertex could not be told to be above or below of.
-    doubtful: Vec<u64>,
     /// The edge in a slot.
-    edges: Vec<Active>,
-}
-
-/// What is known of an active edge since it started.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Active {
-    pub edge: u32,
-    /// W just above its start, if that is above the horizon.
-    pub above: i32,
-    pub start: DVec3,
-    pub starts_above_horizon: bool,
-    /// The last of its crossings found, linked.
-    pub crossings: u32,
-    /// Sum of their changes of W, and of those that are negative.
-    pub change: i32,
-    pub fall: i32,
-}
-
-impl Active {
-    pub fn new(edge: u32, above: i32, start: DVec3, starts_above_horizon: bool) -> Self {
-        Self { edge, above, start, starts_above_horizon, crossings: NIL, change: 0, fall: 0 }
-    }
-}
-
-/// Slots in ascending order.
-pub(super) fn slots_of(mask: &[u64]) -> impl Iterator<Item = usize> {
-    mask.iter().enumerate().flat_map(|(word, &bits)| {
-        let mut left = bits;
-        std::iter::from_fn(move || {
-            let bit = (left != 0).then(|| left.trailing_zeros() as usize)?;
-            left &= left - 1;
-            Some(WORD * word + bit)
-        })
-    })
+    edges: Vec<u32>,
 }
 
 pub(super) fn has(mask: &[u64], slot: usize) -> bool {
@@ -76,19 +41,26 @@ pub(super) fn set(mask: &mut [u64], slot: usize) {
 }
 
 impl Slots {
-    /// More active edges than this are kept in order better than compared one by one.
-    pub const MOST: usize = 4096;
-
     /// Frees all slots.
     pub fn reset(&mut self) {
         self.used = 0;
         self.next_age = 0;
         self.taken.fill(0);
-        self.doubtful.fill(0);
         for axis in &mut self.normals {
             axis.fill(f64::NAN);
         }
         self.jumps.fill(0.0);
+    }
+
+    /// Whether keeping order would be better than comparing one by one.
+    pub fn is_crowded(&self) -> bool {
+        const MOST: usize = 4096;
+        self.capacity > MOST
+    }
+
+    /// The edges in all slots taken.
+    pub fn taken_edges(&self) -> impl Iterator<Item = u32> {
+        (0..self.used).filter(|&slot| has(&self.taken, slot)).map(|slot| self.edges[slot])
     }
 
     /// Words of a mask.
@@ -100,35 +72,23 @@ impl Slots {
         &self.taken
     }
 
-    pub fn get(&self, slot: usize) -> &Active {
-        &self.edges[slot]
-    }
-
-    pub fn get_mut(&mut self, slot: usize) -> &mut Active {
-        &mut self.edges[slot]
-    }
-
     pub fn jump(&self, slot: usize) -> i32 {
         self.jumps[slot] as i32
     }
 
-    pub fn is_doubtful(&self, slot: usize) -> bool {
-        has(&self.doubtful, slot)
-    }
-
-    pub fn doubt(&mut self, slot: usize) {
-        set(&mut self.doubtful, slot);
+    /// The edge in a slot.
+    pub fn edge(&self, slot: usize) -> u32 {
+        self.edges[slot]
     }
 
     /// Puts an edge into a free slot; `above` are the slots of the edges above its start.
-    pub fn insert(&mut self, active: Active, normal: DVec3, jump: i32, above: &[u64]) -> usize {
+    pub fn insert(&mut self, edge: u32, normal: DVec3, jump: i32, above: &[u64]) -> usize {
         if self.taken.iter().all(|&word| word == u64::MAX) {
             self.grow();
         }
         let word = self.taken.iter().position(|&word| word != u64::MAX).expect("there is a free slot");
         let slot = WORD * word + self.taken[word].trailing_ones() as usize;
         set(&mut self.taken, slot);
-        self.doubtful[word] &= !(1 << (slot % WORD));
         self.used = self.used.max((slot / LANES + 1) * LANES);
         for (axis, value) in self.normals.iter_mut().zip(normal.to_array()) {
             axis[slot] = value;
@@ -136,7 +96,7 @@ impl Slots {
         self.jumps[slot] = f64::from(jump);
         self.ages[slot] = self.next_age;
         self.next_age += 1;
-        self.edges[slot] = active;
+        self.edges[slot] = edge;
         for word in 0..self.words() {
             self.rows[word * self.capacity + slot] = above.get(word).copied().unwrap_or(0);
         }
@@ -168,9 +128,8 @@ impl Slots {
         self.normals.iter_mut().for_each(|axis| axis.resize(new, f64::NAN));
         self.jumps.resize(new, 0.0);
         self.ages.resize(new, 0);
-        self.edges.resize(new, Active::new(NIL, 0, DVec3::ZERO, false));
+        self.edges.resize(new, NIL);
         self.taken.resize(new / WORD, 0);
-        self.doubtful.resize(new / WORD, 0);
         self.capacity = new;
     }
 
@@ -227,20 +186,19 @@ impl Slots {
         (sums.iter().sum::<f64>() as i32, _mm256_movemask_pd(near) != 0)
     }
 
-    /// Marks the edges that pass within rounding of a unit vector.
-    pub fn doubt_near(&mut self, position: DVec3) {
-        for slot in 0..self.used {
+    /// The edges that pass within rounding of a unit vector.
+    pub fn near(&self, position: DVec3) -> impl Iterator<Item = u32> {
+        (0..self.used).filter_map(move |slot| {
             let normal = DVec3::new(self.normals[0][slot], self.normals[1][slot], self.normals[2][slot]);
-            if normal.dot(position).abs() < DOUBT {
-                self.doubt(slot);
-            }
-        }
+            (normal.dot(position).abs() < DOUBT).then_some(self.edges[slot])
+        })
     }
 
-    /// Writes to `above` which edges lay above the edge in `slot` when the younger of the two started.
-    pub fn above_at_start(&self, slot: usize, above: &mut Vec<u64>) {
-        above.clear();
-        above.resize(self.words(), 0);
+    /// Appends to `masks` which edges lay above the edge in `slot` when the younger of the two started.
+    pub fn above_at_start(&self, slot: usize, masks: &mut Vec<u64>) {
+        let first = masks.len();
+        masks.resize(first + self.words(), 0);
+        let above = &mut masks[first..];
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
@@ -253,13 +211,13 @@ impl Slots {
     /// Of younger edges it is known which had this one above them: the others are above.
     fn younger_above_portable(&self, slot: usize, above: &mut [u64]) {
         let (row, bit) = (slot / WORD * self.capacity, slot % WORD);
-        for word in 0..above.len() {
+        for (word, above) in above.iter_mut().enumerate() {
             let (mut younger, mut below) = (0, 0);
             for (bits, other) in (WORD * word..self.used.min(WORD * (word + 1))).enumerate() {
                 younger |= u64::from(self.ages[other] > self.ages[slot]) << bits;
                 below |= (self.rows[row + other] >> bit & 1) << bits;
             }
-            above[word] = self.rows[word * self.capacity + slot] & !younger | !below & younger;
+            *above = self.rows[word * self.capacity + slot] & !younger | !below & younger;
         }
     }
 
@@ -288,5 +246,43 @@ impl Slots {
             }
             *above = self.rows[word * self.capacity + slot] & !younger | !below & younger;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::visibility::exact::tests::scenes::Random;
+
+    /// Edges come and go, over several words.
+    #[test]
+    fn portable_and_dispatched_kernels_agree_to_the_bit() {
+        let mut random = Random(21);
+        let mut slots = Slots::default();
+        slots.reset();
+        let (mut held, mut above) = (Vec::new(), Vec::new());
+        for step in 0..600 {
+            let w = random.direction();
+            let (sum, is_near) = slots.sides(w, &mut above);
+            let mut portable = vec![0; slots.words()];
+            assert_eq!(slots.sides_portable(w, &mut portable), (sum, is_near));
+            assert_eq!(above, portable);
+            assert!(!is_near && above.iter().zip(slots.taken()).all(|(above, taken)| above & !taken == 0));
+            let jump = if random.number() < 0.5 { -2 } else { 1 };
+            held.push(slots.insert(step, random.direction(), jump, &above));
+            if random.number() < 0.7 * held.len() as f64 / 150.0 {
+                let slot = held.swap_remove((random.number() * held.len() as f64) as usize);
+                let mut masks = vec![0; 3];
+                slots.above_at_start(slot, &mut masks);
+                let mut portable = vec![0; slots.words()];
+                slots.younger_above_portable(slot, &mut portable);
+                assert_eq!(masks.split_off(3), portable);
+                slots.remove(slot);
+            }
+        }
+        assert!(held.len() > 100 && slots.words() > 1);
+        let on_it = DVec3::new(slots.normals[1][held[0]], -slots.normals[0][held[0]], 0.0).normalize();
+        assert!(slots.sides(on_it, &mut above).1);
+        assert_eq!(slots.near(on_it).collect::<Vec<_>>(), [slots.edge(held[0])]);
     }
 }

@@ -3,38 +3,52 @@ use std::ops::Range;
 use dual_bvh::{Candidates, Contours};
 use glam::DVec3;
 
-use super::vertices::{Vertex, Vertices};
+use super::vertices::{BELOW, fill};
 use super::{MeridianFrame, Meridians};
 use crate::visibility::contours::arc_plane;
 
-/// The ends of the part of an arc that lies above the horizon, of which one may be where it passes the horizon.
-///
-/// Decided from the ends alone: an arc and each of its faces get the same. Between ends on one side of a pole it passes the
-/// horizon on that side, however low they are.
-#[inline(always)]
-pub(in crate::visibility) fn above_horizon(a: Vertex, b: Vertex, lines: usize) -> Option<[Vertex; 2]> {
-    let on_horizon = |above: Vertex, below: Vertex| {
-        let east = below.east * above.up - above.east * below.up;
-        let north = below.north * above.up - above.north * below.up;
-        Vertex { place: if east < 0.0 { lines as i32 } else { 0 }, east, up: 0.0, north }
-    };
-    match (a.place >= 0, b.place >= 0) {
-        (false, false) => None,
-        (true, true) => Some([a, b]),
-        (true, false) => Some([a, on_horizon(a, b)]),
-        (false, true) => Some([on_horizon(b, a), b]),
+/// The isolines that an arc crosses from one place to another: so many from the first on, around the sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::visibility) struct Way {
+    first: u32,
+    count: u32,
+    /// Whether the longitude rises on the way.
+    rises: bool,
+}
+
+impl Way {
+    /// The way between ends with these places, on an arc whose plane has the normal a x b in the chart: the shorter way, for
+    /// arcs are below half a turn, and so is the longitude on them. The plane decides if both are as short, alike for a contour
+    /// and for the faces along it.
+    #[inline(always)]
+    pub(in crate::visibility) fn new(a: i32, b: i32, lines: i32, plane: impl FnOnce() -> DVec3) -> Self {
+        let ahead = if b >= a { b - a } else { b - a + lines };
+        let rises = if 2 * ahead == lines { plane().z >= 0.0 } else { 2 * ahead < lines };
+        let (first, count) = if rises { (a, ahead) } else { (b, if ahead == 0 { 0 } else { lines - ahead }) };
+        Self { first: first as u32, count: count as u32, rises }
+    }
+
+    /// The isolines, in at most two runs.
+    #[inline(always)]
+    fn runs(self, lines: usize) -> [Range<usize>; 2] {
+        let (first, end) = (self.first as usize, (self.first + self.count) as usize);
+        [first..end.min(lines), 0..end.max(lines) - lines]
+    }
+
+    /// Whether it crosses an isoline.
+    pub(in crate::visibility) fn crosses(self, line: usize, lines: usize) -> bool {
+        self.runs(lines).iter().any(|run| run.contains(&line))
+    }
+
+    /// +1 if isolines pass the arc from its left to its right, otherwise -1: where the longitude rises, the left of an arc is
+    /// on the side of the pole z, where isolines end.
+    #[inline(always)]
+    pub(in crate::visibility) fn sense(self) -> i32 {
+        if self.rises { -1 } else { 1 }
     }
 }
 
-/// The isolines that an arc crosses from one place to another, and +1 if they pass it from its left to its right on their
-/// way, otherwise -1.
-#[inline(always)]
-pub(in crate::visibility) fn crossed(a: i32, b: i32) -> (Range<u32>, i32) {
-    // Towards larger longitudes the left of an arc is on the side of the pole z.
-    (a.min(b) as u32..a.max(b) as u32, if a < b { -1 } else { 1 })
-}
-
-/// A contour that crosses isolines, both of whose ends lie above the horizon.
+/// A contour that crosses isolines.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chord {
     a: u32,
@@ -45,8 +59,7 @@ struct Chord {
 /// A great circle where it crosses isolines: `tangent = sine sin u + cosine cos u`, within bounds.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    first: u32,
-    last: u32,
+    way: Way,
     /// Change of W along the isolines.
     jump: i32,
     sine: f64,
@@ -58,16 +71,15 @@ struct Piece {
 /// All crossings of one receiver's contours with the isolines, sorted along each.
 #[derive(Clone, Debug, Default)]
 pub(in crate::visibility) struct Crossings {
-    vertices: Vertices,
+    /// Of the candidates' vertices.
+    places: Vec<i32>,
     chords: Vec<Chord>,
-    /// Contours that pass the horizon.
-    cut: Vec<Chord>,
     pieces: Vec<Piece>,
     /// Number of crossings before each isoline, with an end mark.
     starts: Vec<u32>,
     next: Vec<u32>,
     keys: Vec<i64>,
-    count: Counts,
+    counts: Counts,
 }
 
 /// What became of the contours.
@@ -106,150 +118,148 @@ pub(super) fn crossing(key: i64) -> (f64, i32) {
     (f64::from_bits(bits as u64), (key & mask) as i32 - JUMP_BIAS)
 }
 
+/// Where a receiver looks from, and how.
+#[derive(Clone, Copy)]
+pub(in crate::visibility) struct Outlook<'a> {
+    pub(in crate::visibility) meridians: &'a Meridians,
+    pub(in crate::visibility) frame: MeridianFrame,
+    pub(in crate::visibility) position: DVec3,
+    pub(in crate::visibility) normal: Option<DVec3>,
+}
+
 impl Crossings {
-    /// Crosses every contour above the horizon with the isolines.
-    pub(in crate::visibility) fn collect(
+    /// Places the contours between the isolines and keeps those that cross some; with `between`, the others too.
+    pub(in crate::visibility) fn choose(
         &mut self,
-        meridians: &Meridians,
-        frame: MeridianFrame,
+        outlook: Outlook,
         candidates: &Candidates,
         contours: &Contours,
-        position: DVec3,
+        between: bool,
     ) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.collect_avx2(meridians, frame, candidates, contours, position) };
+            return unsafe { self.choose_avx2(outlook, candidates, contours, between) };
         }
-        self.collect_inline(meridians, frame, candidates, contours, position);
+        self.choose_inline(outlook, candidates, contours, between);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn collect_avx2(
-        &mut self,
-        meridians: &Meridians,
-        frame: MeridianFrame,
-        candidates: &Candidates,
-        contours: &Contours,
-        position: DVec3,
-    ) {
-        self.collect_inline(meridians, frame, candidates, contours, position);
+    fn choose_avx2(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours, between: bool) {
+        self.choose_inline(outlook, candidates, contours, between);
     }
 
     #[inline(always)]
-    fn collect_inline(
+    pub(in crate::visibility) fn choose_inline(
         &mut self,
-        meridians: &Meridians,
-        frame: MeridianFrame,
+        outlook: Outlook,
         candidates: &Candidates,
         contours: &Contours,
-        position: DVec3,
+        between: bool,
     ) {
-        self.vertices.fill(candidates, position, frame, meridians.len());
-        self.choose(candidates, contours);
+        fill(&mut self.places, candidates, outlook);
+        self.keep(candidates, contours, between);
+    }
+
+    /// Crosses the contours that were chosen with the isolines.
+    pub(in crate::visibility) fn cross(&mut self, outlook: Outlook, candidates: &Candidates) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.cross_avx2(outlook, candidates) };
+        }
+        self.cross_inline(outlook, candidates);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn cross_avx2(&mut self, outlook: Outlook, candidates: &Candidates) {
+        self.cross_inline(outlook, candidates);
+    }
+
+    #[inline(always)]
+    pub(in crate::visibility) fn cross_inline(&mut self, outlook: Outlook, candidates: &Candidates) {
         self.pieces.clear();
         self.starts.clear();
-        self.starts.resize(meridians.len() + 1, 0);
-        for at in 0..self.cut.len() {
-            self.cut_at_horizon(self.cut[at], meridians, frame, candidates, position);
-        }
-        self.pieces(frame, candidates, position);
-        self.bucket(meridians);
+        self.starts.resize(outlook.meridians.len() + 1, 0);
+        self.circles(outlook, candidates);
+        self.bucket(outlook.meridians);
     }
 
-    /// Keeps the contours that cross isolines.
+    /// Keeps the contours that cross isolines above the horizon.
     #[inline(always)]
-    fn choose(&mut self, candidates: &Candidates, contours: &Contours) {
-        let (edges, places) = (candidates.edges(), &*self.vertices.places);
-        let contours = contours.edges();
+    fn keep(&mut self, candidates: &Candidates, contours: &Contours, between: bool) {
+        let (edges, contours) = (candidates.edges(), contours.edges());
+        let places = &*self.places;
         self.chords.resize(contours.len() + 1, Chord::default());
-        self.cut.clear();
-        let (mut count, mut below) = (0, 0);
+        let (mut count, mut hidden, mut crossing) = (0, 0, 0);
         for contour in contours {
             let edge = &edges[contour.edge as usize];
-            let [a, b] = [edge.a, edge.b].map(|vertex| places[vertex as usize]);
-            let chord = Chord { a: edge.a, b: edge.b, jump: contour.jump };
+            let (a, b) = (places[edge.a as usize], places[edge.b as usize]);
+            let is_below = a & b & BELOW != 0;
             // All are written, those that cross stay: which they are is hard to predict.
-            self.chords[count] = chord;
-            count += usize::from((a != b) & (a >= 0) & (b >= 0));
-            below += usize::from((a < 0) & (b < 0));
-            if (a ^ b) < 0 {
-                self.cut.push(chord);
-            }
+            self.chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
+            let crosses = ((a ^ b) & !BELOW != 0) & !is_below;
+            count += usize::from(crosses | between);
+            crossing += usize::from(crosses);
+            hidden += usize::from(is_below);
         }
         self.chords.truncate(count);
-        let above = contours.len() - below;
-        self.count = Counts { above, below, between: above - count - self.cut.len() };
-    }
-
-    fn cut_at_horizon(
-        &mut self,
-        Chord { a, b, jump }: Chord,
-        meridians: &Meridians,
-        frame: MeridianFrame,
-        candidates: &Candidates,
-        position: DVec3,
-    ) {
-        let [xa, xb] = [a, b].map(|vertex| candidates.position(vertex));
-        let plane = frame.apply(arc_plane(xa - position, xa, xb));
-        let [a, b] = [a, b].map(|vertex| self.vertices.get(vertex));
-        if let Some([a, b]) = above_horizon(a, b, meridians.len()) {
-            let circle = Circles::new(
-                plane.to_array().map(|x| [x]),
-                [[a.east], [b.east]],
-                [[a.up], [b.up]],
-                [[a.north], [b.north]],
-                [a.place < b.place],
-            );
-            self.push(circle.get(0), [a.place, b.place], jump);
-        }
+        let above = contours.len() - hidden;
+        self.counts = Counts { above, below: hidden, between: above - crossing };
     }
 
     /// The circles of all chords, four at a time.
     #[inline(always)]
-    fn pieces(&mut self, frame: MeridianFrame, candidates: &Candidates, position: DVec3) {
+    fn circles(&mut self, Outlook { meridians, frame, position, .. }: Outlook, candidates: &Candidates) {
         const LANES: usize = 4;
-        let chords = std::mem::take(&mut self.chords);
+        let lines = meridians.len();
         let [x, y, z] = candidates.coordinates();
-        for chunk in chords.chunks(LANES) {
-            // The last lanes repeat the last chord.
-            let chord = |lane: usize| chunk[lane.min(chunk.len() - 1)];
-            let from: [usize; LANES] = std::array::from_fn(|lane| chord(lane).a as usize);
-            let to: [usize; LANES] = std::array::from_fn(|lane| chord(lane).b as usize);
-            let at = |values: &[f32], vertices: [usize; LANES]| vertices.map(|vertex| f64::from(values[vertex]));
-            let of = |values: &[f64]| [from, to].map(|vertices| vertices.map(|vertex| values[vertex]));
-            let places = [from, to].map(|vertices| vertices.map(|vertex| self.vertices.places[vertex]));
-            let (xa, ya, za) = (at(x, from), at(y, from), at(z, from));
-            let (xb, yb, zb) = (at(x, to), at(y, to), at(z, to));
-            let mut planes = [[0.0; LANES]; 3];
+        for chunk in 0..self.chords.len().div_ceil(LANES) {
+            let chords = &self.chords[LANES * chunk..];
+            let (mut planes, mut ends) = ([[0.0; LANES]; 3], [[[0.0; LANES]; 3]; 2]);
+            let mut ways = [Way { first: 0, count: 0, rises: false }; LANES];
+            let mut corners = [[[0.0; LANES]; 3]; 2];
             for lane in 0..LANES {
-                let (a, b) = (DVec3::new(xa[lane], ya[lane], za[lane]), DVec3::new(xb[lane], yb[lane], zb[lane]));
-                let plane = frame.apply(arc_plane(a - position, a, b));
+                // The last lanes repeat the last chord.
+                let Chord { a, b, .. } = chords[lane.min(chords.len() - 1)];
+                for (end, vertex) in [a as usize, b as usize].into_iter().enumerate() {
+                    for (axis, values) in [x, y, z].into_iter().enumerate() {
+                        corners[end][axis][lane] = f64::from(values[vertex]);
+                    }
+                }
+            }
+            for lane in 0..LANES {
+                let at = |end: usize| DVec3::new(corners[end][0][lane], corners[end][1][lane], corners[end][2][lane]);
+                let directions = [at(0) - position, at(1) - position];
+                let plane = frame.apply(arc_plane(directions[0], at(0), at(1)));
                 (planes[0][lane], planes[1][lane], planes[2][lane]) = (plane.x, plane.y, plane.z);
+                for (end, &direction) in directions.iter().enumerate() {
+                    let w = frame.apply(direction);
+                    (ends[end][0][lane], ends[end][1][lane], ends[end][2][lane]) = (w.x, w.y, w.z);
+                }
             }
-            let rising = std::array::from_fn(|lane| places[0][lane] < places[1][lane]);
-            let circles =
-                Circles::new(planes, of(&self.vertices.east), of(&self.vertices.up), of(&self.vertices.north), rising);
-            for (lane, chord) in chunk.iter().enumerate() {
-                self.push(circles.get(lane), [places[0][lane], places[1][lane]], chord.jump);
+            for lane in 0..LANES {
+                let Chord { a, b, .. } = chords[lane.min(chords.len() - 1)];
+                let plane = || DVec3::new(planes[0][lane], planes[1][lane], planes[2][lane]);
+                let [a, b] = [a, b].map(|vertex| self.places[vertex as usize] & !BELOW);
+                ways[lane] = Way::new(a, b, lines as i32, plane);
             }
-        }
-        self.chords = chords;
-    }
-
-    #[inline(always)]
-    fn push(&mut self, [sine, cosine, least, most]: [f64; 4], [a, b]: [i32; 2], jump: i32) {
-        let (lines, sense) = crossed(a, b);
-        let Range { start: first, end: last } = lines;
-        let mut left = if first < last { sense * jump } else { 0 };
-        while left != 0 {
-            let jump = left.clamp(-JUMP_BIAS, JUMP_BIAS - 1);
-            left -= jump;
-            self.pieces.push(Piece { first, last, jump, sine, cosine, least, most });
-            // Differences now, counts after the running sum in `bucket`.
-            self.starts[first as usize] = self.starts[first as usize].wrapping_add(1);
-            self.starts[last as usize] = self.starts[last as usize].wrapping_sub(1);
+            let circles = Circles::new(&planes, &ends, &ways);
+            for lane in 0..chords.len().min(LANES) {
+                let mut left = ways[lane].sense() * chords[lane].jump;
+                while left != 0 {
+                    let jump = left.clamp(-JUMP_BIAS, JUMP_BIAS - 1);
+                    left -= jump;
+                    self.pieces.push(circles.piece(lane, ways[lane], jump));
+                    // Differences now, counts after the running sum in `bucket`.
+                    for run in ways[lane].runs(lines) {
+                        self.starts[run.start] = self.starts[run.start].wrapping_add(1);
+                        self.starts[run.end] = self.starts[run.end].wrapping_sub(1);
+                    }
+                }
+            }
         }
     }
 
@@ -269,12 +279,13 @@ impl Crossings {
         }
         let (cos, sin) = (&*meridians.cos, &*meridians.sin);
         for piece in &self.pieces {
-            let lines = piece.first as usize..piece.last as usize;
-            let places = self.next[lines.clone()].iter_mut();
-            for (next, (cos, sin)) in places.zip(cos[lines.clone()].iter().zip(&sin[lines])) {
-                let tangent = (piece.sine * sin + piece.cosine * cos).max(piece.least).min(piece.most);
-                self.keys[*next as usize] = key(tangent, piece.jump);
-                *next += 1;
+            for run in piece.way.runs(meridians.len()) {
+                let places = self.next[run.clone()].iter_mut();
+                for (next, (cos, sin)) in places.zip(cos[run.clone()].iter().zip(&sin[run])) {
+                    let tangent = (piece.sine * sin + piece.cosine * cos).max(piece.least).min(piece.most);
+                    self.keys[*next as usize] = key(tangent, piece.jump);
+                    *next += 1;
+                }
             }
         }
         for line in 0..meridians.len() {
@@ -286,13 +297,13 @@ impl Crossings {
     }
 
     /// Sorted crossings of one isoline; take each apart with [`crossing`].
-    pub(super) fn along(&self, line: usize) -> &[i64] {
+    pub(in crate::visibility) fn along(&self, line: usize) -> &[i64] {
         &self.keys[self.starts[line] as usize..self.starts[line + 1] as usize]
     }
 
     /// What became of the contours.
     pub(in crate::visibility) fn counts(&self) -> Counts {
-        self.count
+        self.counts
     }
 }
 
@@ -305,32 +316,25 @@ struct Circles<const N: usize> {
 }
 
 impl<const N: usize> Circles<N> {
-    /// From the planes' normals, the ends in the chart, and whether the longitude rises from
-    /// the first end to the second.
+    /// From the planes' normals, the directions of the ends, and the ways from the first to the second.
     #[inline(always)]
-    fn new(
-        [x, y, z]: [[f64; N]; 3],
-        east: [[f64; N]; 2],
-        up: [[f64; N]; 2],
-        north: [[f64; N]; 2],
-        rising: [bool; N],
-    ) -> Self {
+    fn new([x, y, z]: &[[f64; N]; 3], ends: &[[[f64; N]; 3]; 2], ways: &[Way; N]) -> Self {
         let mut circles = Self { sine: [0.0; N], cosine: [0.0; N], least: [0.0; N], most: [0.0; N] };
         for i in 0..N {
             // The longitude rises if the pole z is to the left. Of circles through the poles, to rounding, it is known as well.
             let steep = z[i].abs().max(1e-200 * (x[i].abs() + y[i].abs()));
-            let scale = if rising[i] { -1.0 / steep } else { 1.0 / steep };
+            let scale = if ways[i].rises { -1.0 / steep } else { 1.0 / steep };
             let (sine, cosine) = (y[i] * scale, x[i] * scale);
-            // The latitude's derivative at either end, by longitude: between different signs lies an extremum.
-            let ascends = [0, 1].map(|end| sine * east[end][i] - cosine * up[end][i] > 0.0);
-            let descends = [0, 1].map(|end| sine * east[end][i] - cosine * up[end][i] < 0.0);
-            let (early, late) = if rising[i] { (0, 1) } else { (1, 0) };
-            let peak = (sine * sine + cosine * cosine).sqrt();
-            let tangents =
-                [0, 1].map(|end| north[end][i] / (east[end][i] * east[end][i] + up[end][i] * up[end][i]).sqrt());
+            let tangent = |[east, up, north]: &[[f64; N]; 3]| north[i] / (east[i] * east[i] + up[i] * up[i]).sqrt();
+            let tangents = [tangent(&ends[0]), tangent(&ends[1])];
             let (low, high) = (tangents[0].min(tangents[1]), tangents[0].max(tangents[1]));
-            let high = if ascends[early] & descends[late] { high.max(peak) } else { high };
-            let low = if descends[early] & ascends[late] { low.min(-peak) } else { low };
+            // The latitude's derivatives by longitude at the ends: between different signs lies an extremum.
+            let climb = |[east, up, _]: &[[f64; N]; 3]| sine * east[i] - cosine * up[i];
+            let climbs = [climb(&ends[0]), climb(&ends[1])];
+            let (early, late) = if ways[i].rises { (climbs[0], climbs[1]) } else { (climbs[1], climbs[0]) };
+            let peak = (sine * sine + cosine * cosine).sqrt();
+            let high = if (early > 0.0) & (late < 0.0) { high.max(peak) } else { high };
+            let low = if (early < 0.0) & (late > 0.0) { low.min(-peak) } else { low };
             circles.sine[i] = sine;
             circles.cosine[i] = cosine;
             circles.least[i] = low.max(-FARTHEST).min(FARTHEST);
@@ -340,7 +344,8 @@ impl<const N: usize> Circles<N> {
     }
 
     #[inline(always)]
-    fn get(&self, lane: usize) -> [f64; 4] {
-        [self.sine[lane], self.cosine[lane], self.least[lane], self.most[lane]]
+    fn piece(&self, lane: usize, way: Way, jump: i32) -> Piece {
+        let (sine, cosine) = (self.sine[lane], self.cosine[lane]);
+        Piece { way, jump, sine, cosine, least: self.least[lane], most: self.most[lane] }
     }
 }

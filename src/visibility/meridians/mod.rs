@@ -1,28 +1,27 @@
-//! The isolines of an equal-area chart of the hemisphere, for what needs no table of light.
+//! The isolines of an equal-area chart, for what needs no table of light.
 
 mod crossings;
 mod sweep;
 mod vertices;
 
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
 use crate::{Error, Result};
 
 pub use crossings::Counts;
-pub(super) use crossings::{Crossings, above_horizon, crossed};
+pub(super) use crossings::{Crossings, Outlook, Way};
 pub use sweep::Spans;
 pub(super) use sweep::sweep;
-pub(super) use vertices::Vertex;
+pub(super) use vertices::place;
 
-/// Isolines of longitude: half great circles through the receiver's hemisphere, from one pole on its horizon to the other.
+/// Isolines of longitude: half great circles from one pole to the opposite one.
 ///
-/// With the axes of a [`MeridianFrame`], a direction of the hemisphere is `(c cos u, c sin u, v)`, c^2 = 1 - v^2, with the
-/// longitude u in \[0, pi\] and v the sine of the latitude in \[-1, 1\]: Lambert's equal-area cylinder (1772), in which the
-/// solid angle is du dv. Isoline `i` has the longitude `u_i = (i + 1/2) pi / N`. None meets the horizon, all start in one
-/// direction, the pole -z, and a great circle with normal `q` crosses them where the tangent of the latitude is
-/// `-(q_x cos u + q_y sin u) / q_z`. On a full sphere either hemisphere has its own.
+/// With the axes of a [`MeridianFrame`], a direction is `(c cos u, c sin u, v)`, c^2 = 1 - v^2, with the longitude u and the sine
+/// v of the latitude: Lambert's equal-area cylinder (1772), in which the solid angle is du dv. Isoline `i` has the longitude
+/// `u_i = (i + 1/2) 2 pi / N`. All start in one direction, the pole -z, well above the horizon, and end where they meet it; a
+/// great circle with normal `q` crosses them where the tangent of the latitude is `-(q_x cos u + q_y sin u) / q_z`.
 #[derive(Clone, Debug)]
 pub struct Meridians {
     cos: Vec<f64>,
@@ -31,16 +30,16 @@ pub struct Meridians {
 
 impl Meridians {
     /// The largest number of isolines.
-    pub const MAX: usize = 1 << 20;
+    pub const MAX: usize = 1 << 21;
 
-    /// `count` isolines over the hemisphere.
+    /// `count` isolines around the sphere, even.
     ///
     /// # Errors
-    /// No isolines, or more than [`Meridians::MAX`].
+    /// A count that is odd, below 4 or above [`Meridians::MAX`].
     pub fn new(count: usize) -> Result<Self> {
-        if count == 0 || count > Self::MAX {
+        if !(4..=Self::MAX).contains(&count) || !count.is_multiple_of(2) {
             return Err(Error::input(format!(
-                "the number of isolines must be between 1 and {}, but it is {count}",
+                "the number of meridians must be even and between 4 and {}, but it is {count}",
                 Self::MAX
             )));
         }
@@ -49,7 +48,7 @@ impl Meridians {
     }
 
     fn longitude(count: usize, line: usize) -> f64 {
-        (line as f64 + 0.5) * PI / count as f64
+        (line as f64 + 0.5) * TAU / count as f64
     }
 
     /// Number of isolines N.
@@ -57,7 +56,7 @@ impl Meridians {
         self.cos.len()
     }
 
-    /// Never: there is at least one isoline.
+    /// Never: there are at least four isolines.
     pub fn is_empty(&self) -> bool {
         false
     }
@@ -68,22 +67,48 @@ impl Meridians {
     }
 }
 
-/// Axes of the chart for a receiver: x and z lie in its horizon, y is its normal, and the isolines run from -z to z.
+/// Axes of the chart for a receiver: one of eight, by the octant of its normal.
+///
+/// The isolines start near the octant's diagonal. That is never further from the normal than 55 degrees, so that they cross the
+/// horizon steeply; and it is far from the planes of the axes, in which edges of many scenes are seen: an edge that lies in
+/// a plane through the pole is seen along the isolines, and all of it moves from one side of a line to the other at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeridianFrame {
+    octant: u8,
     axes: DMat3,
 }
 
 impl MeridianFrame {
-    /// The frame about a unit normal. Frames of another `rank` have other poles.
-    ///
-    /// The poles keep away from the axes, along which many scenes have edges: an edge that points to a pole lies along the
-    /// isolines, and all of it moves from one side of a line to the other at once.
-    pub fn new(normal: DVec3, rank: usize) -> Self {
-        let (sin, cos) = (0.37 + 1.1 * rank as f64).sin_cos();
-        let (a, b) = normal.any_orthonormal_pair();
-        let pole = a * cos + b * sin;
-        Self { axes: DMat3::from_cols(normal.cross(pole), normal, pole) }
+    /// Number of frames.
+    pub const COUNT: usize = 8;
+
+    /// Where the isolines of the first octant start: off the diagonal, where the diagonals of cubes and squares are.
+    const START: DVec3 = DVec3::new(0.523, 0.615, 0.590);
+
+    /// The best frame for a receiver with this normal (a probe takes any), or the second best for another look.
+    pub fn facing(normal: Option<DVec3>, second: bool) -> Self {
+        let normal = normal.unwrap_or(DVec3::ONE);
+        let mut octant = (0..3).fold(0, |octant, axis| octant | usize::from(normal[axis] < 0.0) << axis);
+        if second {
+            // Beyond the nearest of its octant's sides.
+            let size = normal.abs();
+            let nearest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or_default();
+            octant ^= 1 << nearest;
+        }
+        Self::of_octant(octant)
+    }
+
+    /// The frame of an octant, 0 to 7; bits: negative along x, y, z.
+    pub fn of_octant(octant: usize) -> Self {
+        let sign = |axis: usize| if octant >> axis & 1 == 0 { 1.0 } else { -1.0 };
+        let start = (DVec3::new(sign(0), sign(1), sign(2)) * Self::START).normalize();
+        let x = start.cross(DVec3::Y).normalize();
+        Self { octant: octant as u8, axes: DMat3::from_cols(x, x.cross(start), -start) }
+    }
+
+    /// Its octant.
+    pub fn octant(self) -> usize {
+        self.octant as usize
     }
 
     /// The rotation from the chart's axes to the world's.
@@ -103,27 +128,33 @@ impl MeridianFrame {
     }
 }
 
+/// What is above the horizon by less than this angle counts as below it: faces in the receiver's own plane, which rounding puts on
+/// either side.
+const IN_HORIZON: f64 = 1e-12;
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_rotations_with_poles_on_the_horizon() {
-        for k in 0..200 {
+    fn frames_are_rotations_and_start_well_above_the_horizon() {
+        for k in 0..2000 {
             let k = f64::from(k);
             let n = DVec3::new((k * 0.7).sin(), (k * 1.3).cos(), (k * 2.1).sin()).normalize();
-            for rank in 0..3 {
-                let frame = MeridianFrame::new(n, rank);
+            for (second, steepest) in [(false, 0.5), (true, 0.25)] {
+                let frame = MeridianFrame::facing(Some(n), second);
                 assert!((frame.axes().determinant() - 1.0).abs() < 1e-14);
-                assert!(frame.start().dot(n).abs() < 1e-15);
-                assert!((frame.apply(n) - DVec3::Y).length() < 1e-15);
+                assert!(frame.start().dot(n) > steepest, "{n} {second} {}", frame.start().dot(n));
+                assert_eq!(frame, MeridianFrame::of_octant(frame.octant()));
             }
         }
     }
 
     #[test]
-    fn no_isolines_and_too_many_are_refused() {
-        assert!(Meridians::new(0).is_err() && Meridians::new(Meridians::MAX + 1).is_err());
-        assert_eq!(Meridians::new(3).unwrap().u(1), PI / 2.0);
+    fn odd_counts_few_and_too_many_are_refused() {
+        for count in [0, 2, 5, Meridians::MAX + 2] {
+            assert!(Meridians::new(count).is_err());
+        }
+        assert_eq!(Meridians::new(4).unwrap().u(1), 0.75 * TAU / 2.0);
     }
 }

@@ -1,5 +1,5 @@
-use super::Meridians;
-use super::crossings::{Crossings, FARTHEST, crossing};
+use super::IN_HORIZON;
+use super::crossings::{Crossings, FARTHEST, Outlook, crossing};
 use crate::visibility::Sweep;
 
 /// The visible spans of all isolines of one receiver.
@@ -14,11 +14,6 @@ pub struct Spans {
 impl Spans {
     /// Tangent of the latitude that stands for a pole; its negative for the other.
     pub const POLE: f64 = FARTHEST;
-
-    /// All isolines from pole to pole: the hemisphere.
-    pub fn open(meridians: &Meridians) -> Self {
-        Self::new(&vec![&[(-Self::POLE, Self::POLE)][..]; meridians.len()])
-    }
 
     /// The given spans of each isoline.
     pub fn new(lines: &[&[(f64, f64)]]) -> Self {
@@ -45,41 +40,44 @@ impl Spans {
 /// base or a lost edge shows over whole spans.
 const TIE: f64 = 1e-9;
 
-/// Follows the depth complexity W along every isoline, from `depth` at its start, and notes where nothing is crossed.
+/// Follows the depth complexity W along every isoline, from `depth` at its start down to the horizon, if there is one, and notes
+/// where nothing is crossed.
 ///
 /// Nowrouzezahrai et al. 2014, section 3.2, with W known from the start instead of shifted to a minimum of zero.
-pub(in crate::visibility) fn sweep(
-    meridians: &Meridians,
-    crossings: &Crossings,
-    depth: i32,
-    spans: &mut Spans,
-) -> Sweep {
+pub(in crate::visibility) fn sweep(outlook: Outlook, crossings: &Crossings, depth: i32, spans: &mut Spans) -> Sweep {
+    let Outlook { meridians, frame, normal, .. } = outlook;
     let Spans { starts, ends } = spans;
     starts.clear();
     ends.clear();
     let mut seen = Sweep { lines: meridians.len(), depth_alarms: 0 };
     let mut last = None;
-    for line in 0..meridians.len() {
+    let normal = normal.map(|n| frame.apply(n));
+    for (line, (cos, sin)) in meridians.cos.iter().zip(&meridians.sin).enumerate() {
         starts.push(ends.len() as u32);
-        let (end, is_below) = follow(crossings.along(line), depth, ends);
-        // Whatever an isoline passes on its way, all end in the same direction.
-        let differs = *last.get_or_insert(end) != end;
+        let horizon = normal.map_or(Spans::POLE, |n| (n.x * cos + n.y * sin) / -n.z);
+        let (end, is_below) = follow(crossings.along(line), depth, horizon, ends);
+        // Whatever an isoline passes on its way around, all end in the same direction.
+        let differs = normal.is_none() && *last.get_or_insert(end) != end;
         seen.depth_alarms += usize::from(is_below || differs);
     }
     starts.push(ends.len() as u32);
     seen
 }
 
-/// Follows W along one isoline; returns W at its end, and whether it fell below zero over more than a tie.
+/// Follows W along one isoline up to `end`; returns W there, and whether it fell below zero over more than a tie.
 #[inline(always)]
-fn follow(keys: &[i64], mut depth: i32, ends: &mut Vec<f64>) -> (i32, bool) {
+fn follow(keys: &[i64], mut depth: i32, end: f64, ends: &mut Vec<f64>) -> (i32, bool) {
     let mut from = -Spans::POLE;
     let (mut since, mut is_below) = (from, false);
-    let wide = |from: f64, to: f64| to - from > TIE * (1.0 + from.abs().min(to.abs()).powi(2));
+    let angle = |from: f64, to: f64| (to - from) / (1.0 + from.abs().min(to.abs()).powi(2));
     for &key in keys {
         let (tangent, jump) = crossing(key);
+        // At the pole itself crossings still count.
+        if tangent >= end && end < Spans::POLE {
+            break;
+        }
         if depth < 0 {
-            is_below |= wide(since, tangent);
+            is_below |= angle(since, tangent) > TIE;
         }
         let next = depth + jump;
         match (depth <= 0, next <= 0) {
@@ -89,8 +87,8 @@ fn follow(keys: &[i64], mut depth: i32, ends: &mut Vec<f64>) -> (i32, bool) {
         }
         (depth, since) = (next, tangent);
     }
-    if depth <= 0 && from < Spans::POLE {
-        ends.extend([from, Spans::POLE]);
+    if depth <= 0 && angle(from, end) > IN_HORIZON {
+        ends.extend([from, end]);
     }
-    (depth, is_below || depth < 0 && wide(since, Spans::POLE))
+    (depth, is_below || depth < 0 && angle(since, end) > TIE)
 }

@@ -1,76 +1,43 @@
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
 
 use dual_bvh::Candidates;
 use glam::DVec3;
 
-use super::MeridianFrame;
-use crate::sphere::angle;
+use super::{IN_HORIZON, Outlook};
+use crate::sphere::rough_angle;
 
-/// A vertex in the chart.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::visibility) struct Vertex {
-    /// How many isolines have a smaller longitude; [`Vertex::BELOW`] below the horizon.
-    ///
-    /// This integer *is* the vertex's position between the isolines for everything that follows: all arcs that share the
-    /// vertex use the same one, so that the jumps along every isoline add up whatever the rounding.
-    pub(in crate::visibility) place: i32,
-    /// Direction along the chart's x.
-    pub(super) east: f64,
-    /// Height above the horizon, in the same unit.
-    pub(super) up: f64,
-    /// Towards the pole z.
-    pub(super) north: f64,
+/// How many of the `lines` have a smaller longitude than the direction `w` of the chart, of any length; or all: none.
+///
+/// This integer *is* a vertex's position between the isolines for everything that follows: all arcs that share the vertex
+/// use the same one, so that the jumps along every isoline add up whatever the rounding. A vertex beside an isoline may so get
+/// to its other side, by less than a crossing is wide: crossings are kept between the latitudes of their arc's ends.
+#[inline(always)]
+pub(in crate::visibility) fn place(w: DVec3, lines: usize) -> i32 {
+    let longitude = rough_angle(w.x, w.y.abs());
+    let longitude = if w.y < 0.0 { TAU - longitude } else { longitude };
+    // The nearest whole number stands in the low bits of the sum with 2^52. NaN, in the direction of a pole, becomes zero.
+    let before = (longitude * (lines as f64 / TAU)).max(0.0) + (1u64 << 52) as f64;
+    let before = before.to_bits() as i32;
+    if before == lines as i32 { 0 } else { before }
 }
 
-impl Vertex {
-    /// The place of everything below the horizon.
-    pub(in crate::visibility) const BELOW: i32 = -1;
+/// Marks the places of vertices below the horizon, or in it to rounding.
+pub(super) const BELOW: i32 = 1 << 30;
 
-    /// The vertex in the direction `w` of the chart, of any length, among so many `lines`.
-    #[inline(always)]
-    pub(in crate::visibility) fn new(w: DVec3, lines: usize) -> Self {
-        let (lines, up) = (lines as f64, w.y.abs());
-        let before = (angle(w.x, up) * (lines / PI) - 0.5).ceil();
-        // NaN, in the direction of a pole, becomes zero.
-        let place = before.max(0.0).min(lines) as i32;
-        Self { place: if w.y < 0.0 { Self::BELOW } else { place }, east: w.x, up: w.y, north: w.z }
-    }
-}
-
-/// The vertices of all candidates in the chart of one receiver, by component.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Vertices {
-    pub(super) places: Vec<i32>,
-    pub(super) east: Vec<f64>,
-    pub(super) up: Vec<f64>,
-    pub(super) north: Vec<f64>,
-}
-
-impl Vertices {
-    #[inline(always)]
-    pub(super) fn fill(&mut self, candidates: &Candidates, position: DVec3, frame: MeridianFrame, lines: usize) {
-        let [x, y, z] = candidates.coordinates();
-        let count = x.len();
-        self.places.resize(count, 0);
-        for lanes in [&mut self.east, &mut self.up, &mut self.north] {
-            lanes.resize(count, 0.0);
-        }
-        let (y, z) = (&y[..count], &z[..count]);
-        let (places, east) = (&mut self.places[..count], &mut self.east[..count]);
-        let (up, north) = (&mut self.up[..count], &mut self.north[..count]);
-        for i in 0..count {
-            let direction = DVec3::new(f64::from(x[i]), f64::from(y[i]), f64::from(z[i])) - position;
-            let vertex = Vertex::new(frame.apply(direction), lines);
-            places[i] = vertex.place;
-            east[i] = vertex.east;
-            up[i] = vertex.up;
-            north[i] = vertex.north;
-        }
-    }
-
-    #[inline(always)]
-    pub(super) fn get(&self, vertex: u32) -> Vertex {
-        let i = vertex as usize;
-        Vertex { place: self.places[i], east: self.east[i], up: self.up[i], north: self.north[i] }
+/// Fills in the places of all candidates' vertices for one receiver.
+#[inline(always)]
+pub(super) fn fill(places: &mut Vec<i32>, candidates: &Candidates, outlook: Outlook) {
+    let Outlook { meridians, frame, position, normal } = outlook;
+    let lines = meridians.len();
+    let [x, y, z] = candidates.coordinates();
+    let count = x.len();
+    places.resize(count, 0);
+    let (y, z, places) = (&y[..count], &z[..count], &mut places[..count]);
+    // A full sphere has no horizon.
+    let (normal, level) = normal.map_or((DVec3::ZERO, -1.0), |normal| (normal, IN_HORIZON));
+    for i in 0..count {
+        let direction = DVec3::new(f64::from(x[i]), f64::from(y[i]), f64::from(z[i])) - position;
+        let is_below = normal.dot(direction) <= level * (direction.x.abs() + direction.y.abs() + direction.z.abs());
+        places[i] = place(frame.apply(direction), lines) | if is_below { BELOW } else { 0 };
     }
 }

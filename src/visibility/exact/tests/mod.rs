@@ -4,7 +4,8 @@ mod closed_forms;
 mod degenerate;
 mod gradients;
 mod invariance;
-mod scenes;
+pub(super) mod scenes;
+mod sweeps;
 mod twin;
 
 use std::f64::consts::PI;

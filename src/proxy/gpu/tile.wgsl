@@ -1,0 +1,63 @@
+// Lists of the proxies that reach a tile of 8 x 8 receivers, as bits: 1024 proxies at a time.
+
+const CHUNK: u32 = 1024u;
+const WORDS: u32 = 32u;
+
+var<workgroup> tile_low: array<atomic<u32>, 3>;
+var<workgroup> tile_high: array<atomic<u32>, 3>;
+var<workgroup> tile_mask: array<atomic<u32>, WORDS>;
+
+// An integer that is ordered like the number.
+fn ordered(x: f32) -> u32 {
+    let bits = bitcast<u32>(x);
+    return select(bits | 0x80000000u, ~bits, (bits >> 31u) == 1u);
+}
+
+fn number(key: u32) -> f32 {
+    return bitcast<f32>(select(~key, key & 0x7fffffffu, (key >> 31u) == 1u));
+}
+
+// A ball around the receivers of the tile: centre and radius, negative if there is none. To be called by all of the tile.
+fn tile_ball(lane: u32, seen: bool, position: vec3f) -> vec4f {
+    if lane < 3u {
+        atomicStore(&tile_low[lane], 0xffffffffu);
+        atomicStore(&tile_high[lane], 0u);
+    }
+    workgroupBarrier();
+    if seen {
+        for (var axis = 0u; axis < 3u; axis++) {
+            let key = ordered(position[axis]);
+            atomicMin(&tile_low[axis], key);
+            atomicMax(&tile_high[axis], key);
+        }
+    }
+    workgroupBarrier();
+    if atomicLoad(&tile_high[0]) == 0u {
+        return vec4f(0.0, 0.0, 0.0, -1.0);
+    }
+    let low = vec3f(number(atomicLoad(&tile_low[0])), number(atomicLoad(&tile_low[1])), number(atomicLoad(&tile_low[2])));
+    let high =
+        vec3f(number(atomicLoad(&tile_high[0])), number(atomicLoad(&tile_high[1])), number(atomicLoad(&tile_high[2])));
+    // A little more than half of the diagonal, so that rounding leaves nobody out.
+    return vec4f(0.5 * (low + high), 0.5001 * distance(low, high));
+}
+
+// Fills the mask for the proxies from `first` on. To be called by all of the tile.
+fn tile_list(lane: u32, ball: vec4f, first: u32, count: u32, expansion: f32) {
+    workgroupBarrier();
+    if lane < WORDS {
+        atomicStore(&tile_mask[lane], 0u);
+    }
+    workgroupBarrier();
+    if ball.w >= 0.0 {
+        for (var k = lane; k < min(CHUNK, count - first); k += 64u) {
+            let proxy = proxies[first + k];
+            let reach = expansion * proxy.radius + ball.w;
+            let offset = proxy.center - ball.xyz;
+            if dot(offset, offset) < reach * reach {
+                atomicOr(&tile_mask[k >> 5u], 1u << (k & 31u));
+            }
+        }
+    }
+    workgroupBarrier();
+}
