@@ -638,7 +638,7 @@ fn what_proxies_cannot_do_is_said_in_one_line() {
     lines(fails(folder, "animate --spheres 12 -o film", 1), "walker: 3 spheres; it needs 10 to");
     let bad = "[[character]]\nwalker = { height = -1 }\n";
     std::fs::write(folder.join("bad.toml"), bad).unwrap();
-    lines(fails(folder, "animate bad.toml -o film", 1), "bad.toml:2: walker: circle, height and pace must be positive");
+    lines(fails(folder, "animate bad.toml -o film", 1), "bad.toml:1: walker: circle, height and pace must be positive");
     std::fs::write(folder.join("dark.toml"), "[[character]]\nwalker = {}\n").unwrap();
     assert!(fails(folder, "animate dark.toml -o film", 2).contains("--environment"));
     assert!(fails(folder, "animate --internal-order 3 -o film", 2).contains("less than --order 4"));

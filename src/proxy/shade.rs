@@ -38,7 +38,7 @@ impl fmt::Display for Interpolant {
 /// light (R, G, B, unused), then the irradiance that the proxies reflect.
 #[derive(Clone, Debug, Default)]
 pub struct Shading {
-    len: usize,
+    pub(super) len: usize,
     /// Rows, see above.
     pub values: Vec<[f32; 4]>,
     /// Whether any proxy does anything at the receiver.

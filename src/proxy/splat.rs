@@ -231,3 +231,76 @@ dispatch! {
         counts
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::super::zonal_log::Logarithm;
+    use super::*;
+    use crate::scene::shapes::Random;
+    use crate::sphere::{Order, rotate_zonal};
+
+    /// Receivers strewn over a floor, some of which see nothing.
+    fn receivers(random: &mut Random, width: usize, height: usize) -> Receivers {
+        let mut receivers = Receivers::nothing(width, height, 0);
+        for y in 0..height {
+            for x in 0..width {
+                if (x + y) % 7 == 0 {
+                    continue;
+                }
+                let i = receivers.index(x, y);
+                receivers.depth[i] = 1.0;
+                let place = [0.3 * x as f64 + 0.1 * random.unit(), 0.1 * random.unit(), 0.3 * y as f64];
+                for axis in 0..3 {
+                    receivers.position[axis][i] = place[axis] as f32;
+                    receivers.normal[axis][i] = [0.0, 1.0, 0.0][axis];
+                }
+            }
+        }
+        receivers
+    }
+
+    #[test]
+    fn equals_the_sum_over_all_spheres() {
+        let mut random = Random::new(4);
+        let receivers = receivers(&mut random, 21, 19);
+        let proxies: Vec<Proxy> = (0..12)
+            .map(|body| {
+                let center = Vec3::new(
+                    random.between(0.0, 6.0) as f32,
+                    random.between(1.0, 2.0) as f32,
+                    random.between(0.0, 6.0) as f32,
+                );
+                Proxy { center, radius: random.between(0.1, 0.45) as f32, albedo: Vec3::ZERO, body }
+            })
+            .collect();
+        let coverage = Coverage { expansion: 12.0 };
+        for bands in 2..=6 {
+            let order = Order::new(bands).unwrap();
+            let logarithm = Logarithm::new(order);
+            let mut out = HarmonicBuffer::zeros(order.len(), receivers.stride() * receivers.height());
+            let counts = splat(&receivers, &proxies, &LogTable::new(order), SelfShadowing::Whole, coverage, &mut out);
+            assert!(counts.tiles == 6 && counts.pairs > 100, "{counts:?}");
+            for y in 0..receivers.height() {
+                for x in (0..receivers.width()).step_by(5) {
+                    let i = receivers.index(x, y);
+                    let mut expected = vec![0.0; order.len()];
+                    for proxy in proxies.iter().filter(|_| receivers.is_seen(i)) {
+                        let offset: DVec3 = (proxy.center - receivers.point(i)).as_dvec3();
+                        let alpha = f64::from(proxy.radius) / offset.length();
+                        let t = ((alpha * 12.0 - 1.0) / 0.25).clamp(0.0, 1.0);
+                        let fade = t * t * (3.0 - 2.0 * t);
+                        let zonal = logarithm.of_cap((1.0 - alpha * alpha).sqrt());
+                        let log = rotate_zonal(order, offset.normalize(), &zonal);
+                        expected.iter_mut().zip(log).for_each(|(sum, log)| *sum += fade * log);
+                    }
+                    // The interpolation errors of some spheres, each below 1e-3: see the table's own test.
+                    for (k, (found, expected)) in out.vector(i).iter().zip(expected).enumerate() {
+                        assert!((f64::from(*found) - expected).abs() < 5e-3, "order {bands}, {k}: {found} {expected}");
+                    }
+                }
+            }
+        }
+    }
+}

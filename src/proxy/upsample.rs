@@ -287,3 +287,85 @@ pub fn scatter(
         one(i, pixel, &mut out[place]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+
+    use super::super::{Surface, Viewport, draw};
+    use super::*;
+    use crate::scene::Camera;
+
+    /// A wall to the left at a distance of 2, and one far behind it to the right.
+    fn walls() -> Surface {
+        let wall = |x0: f32, x1: f32, z: f32| {
+            [(x0, -9.0), (x1, -9.0), (x1, 9.0), (x0, 9.0)].map(|(x, y)| Vec3::new(x, y, z)).to_vec()
+        };
+        let positions = [wall(-9.0, 0.03, -2.0), wall(-90.0, 90.0, -12.0)].concat();
+        Surface {
+            normals: vec![Vec3::Z; positions.len()],
+            positions,
+            triangles: [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]].into(),
+            albedo: vec![Vec3::ONE; 4],
+            ..Surface::default()
+        }
+    }
+
+    /// Radiance where the near wall hides irradiance 1 and the far one none.
+    fn picture(upsampling: Upsampling) -> (Vec<[f32; 3]>, UpsampleCounts, Receivers) {
+        let camera = Camera::new(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 60.0, [64, 48]).unwrap();
+        let [fine, coarse] = [1, 4].map(|scale| {
+            let viewport = Viewport { camera: camera.clone(), scale };
+            let mut receivers = viewport.nothing(0);
+            draw(&viewport, &walls(), &mut receivers);
+            receivers
+        });
+        let places = coarse.stride() * coarse.height();
+        let near = |i: usize| coarse.depth[i] < 5.0;
+        let mut values = Vec::new();
+        (0..places).for_each(|i| values.extend([[if near(i) { 1.0 } else { 0.0 }; 4], [0.0; 4]]));
+        let shading = Shading { len: 2, values, touched: vec![true; places] };
+        let base = vec![[1.0; 3]; 64 * 48];
+        let mut out = vec![[0.0; 3]; base.len()];
+        let pixel = Viewport { camera, scale: 1 }.pixel();
+        let counts = upsample(&coarse, &shading, &fine, Resampling { scale: 4, pixel }, upsampling, &base, &mut out);
+        (out, counts, fine)
+    }
+
+    #[test]
+    fn bilateral_weights_do_not_reach_over_silhouettes() {
+        let dark = 1.0 - std::f32::consts::FRAC_1_PI;
+        let [bled, kept] = [Upsampling::Bilinear, Upsampling::Bilateral].map(picture);
+        let error = |(out, counts, fine): &(Vec<[f32; 3]>, UpsampleCounts, Receivers)| {
+            let pixels = (0..out.len()).filter(|i| !counts.unmatched.contains(&(*i as u32)));
+            pixels.map(|i| (out[i][0] - if fine.depth[i] < 5.0 { dark } else { 1.0 }).abs()).fold(0.0, f32::max)
+        };
+        assert!(error(&bled) > 0.1, "{}", error(&bled));
+        // Ten units apart, receivers of the other wall weigh 6e-3 at most, times seven where they are nearer.
+        assert!(error(&kept) < 7.0 * 6e-3 * std::f32::consts::FRAC_1_PI, "{}", error(&kept));
+        assert!(bled.1.unmatched.is_empty() && kept.1.unmatched.len() < 100, "{}", kept.1.unmatched.len());
+    }
+
+    #[test]
+    fn pixels_shaded_anew_come_back_to_their_places() {
+        let (mut out, _, fine) = picture(Upsampling::Bilateral);
+        let pixels: Vec<u32> = (0..out.len() as u32).step_by(3).collect();
+        let gathered = gather(&fine, &pixels);
+        assert_eq!((gathered.width(), gathered.height()), (512, 2));
+        let places = gathered.stride() * gathered.height();
+        // Each pixel reflects its own number.
+        let mut values = vec![[0.0; 4]; 2 * places];
+        for (i, pixel) in pixels.iter().enumerate() {
+            let place = gathered.index(i % 512, i / 512);
+            assert_eq!(gathered.point(place), fine.point(*pixel as usize));
+            values[2 * place + 1] = [*pixel as f32; 4];
+        }
+        let shading = Shading { len: 2, values, touched: vec![true; places] };
+        let base = vec![[0.0; 3]; out.len()];
+        scatter(&fine, &pixels, &gathered, &shading, &base, &mut out);
+        for pixel in pixels {
+            let expected = pixel as f32 * std::f32::consts::FRAC_1_PI;
+            assert!((out[pixel as usize][1] - expected).abs() <= 1e-6 * expected);
+        }
+    }
+}
