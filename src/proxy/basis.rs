@@ -26,11 +26,11 @@ static FACTORS: LazyLock<Factors> = LazyLock::new(|| {
         }
         let sides = if m == 0 { 1.0 } else { 2.0 };
         diagonal[m] = (sides * (2.0 * mf + 1.0) * ratio / (4.0 * std::f64::consts::PI)).sqrt() as f32;
-        for l in m + 1..MAX_BANDS {
+        for (l, step) in steps[m].iter_mut().enumerate().skip(m + 1) {
             let (lf, k) = (l as f64, l as f64 - 1.0);
             let a = ((4.0 * lf * lf - 1.0) / (lf * lf - mf * mf)).sqrt();
             let b = a * ((k * k - mf * mf) / (4.0 * k * k - 1.0)).max(0.0).sqrt();
-            steps[m][l] = [a as f32, b as f32];
+            *step = [a as f32, b as f32];
         }
     }
     Factors { diagonal, steps }

@@ -106,7 +106,7 @@ macro_rules! operator {
             #[inline(always)]
             fn $method(mut self, other: Self) -> Self {
                 for i in 0..LANES {
-                    self.0[i] = self.0[i] $op other.0[i];
+                    self.0[i] $op other.0[i];
                 }
                 self
             }
@@ -118,7 +118,7 @@ macro_rules! operator {
             #[inline(always)]
             fn $method(mut self, other: f32) -> Self {
                 for i in 0..LANES {
-                    self.0[i] = self.0[i] $op other;
+                    self.0[i] $op other;
                 }
                 self
             }
@@ -126,10 +126,10 @@ macro_rules! operator {
     };
 }
 
-operator!(Add, add, +);
-operator!(Sub, sub, -);
-operator!(Mul, mul, *);
-operator!(Div, div, /);
+operator!(Add, add, +=);
+operator!(Sub, sub, -=);
+operator!(Mul, mul, *=);
+operator!(Div, div, /=);
 
 impl AddAssign for Lanes {
     #[inline(always)]

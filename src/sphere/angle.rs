@@ -1,7 +1,6 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// arctan z / z in powers of z^2 for |z| <= tan(pi / 8): its Chebyshev series, cut where the rest is below 1e-17.
-#[expect(clippy::excessive_precision, reason = "the nearest doubles")]
 const ARCTANGENT: [f64; 11] = [
     0.9999999999999997,
     -0.3333333333331411,
@@ -17,7 +16,6 @@ const ARCTANGENT: [f64; 11] = [
 ];
 
 /// The same, cut where the rest is below 4e-9.
-#[expect(clippy::excessive_precision, reason = "the nearest doubles")]
 const ROUGH_ARCTANGENT: [f64; 5] =
     [0.9999999030343614, -0.33332184265314274, 0.19961549539561524, -0.1375157727170597, 0.0772617775463146];
 

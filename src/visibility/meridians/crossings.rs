@@ -318,6 +318,7 @@ struct Circles<const N: usize> {
 impl<const N: usize> Circles<N> {
     /// From the planes' normals, the directions of the ends, and the ways from the first to the second.
     #[inline(always)]
+    #[expect(clippy::manual_clamp, reason = "bounds that are no numbers, of zero directions, become the widest")]
     fn new([x, y, z]: &[[f64; N]; 3], ends: &[[[f64; N]; 3]; 2], ways: &[Way; N]) -> Self {
         let mut circles = Self { sine: [0.0; N], cosine: [0.0; N], least: [0.0; N], most: [0.0; N] };
         for i in 0..N {
