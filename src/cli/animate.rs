@@ -82,7 +82,6 @@ impl Animate {
         };
         let [width, height] = camera.resolution();
         let camera = camera.with_resolution([self.width.unwrap_or(width), self.height.unwrap_or(height)])?;
-        std::fs::create_dir_all(&self.output).map_err(|error| Error::file(&self.output, error))?;
 
         let pool = threads(self.threads)?;
         let terminal = Terminal::new(self.quiet);
@@ -101,6 +100,7 @@ impl Animate {
                 Device::Gpu => Engine::gpu,
             };
             let mut renderer = engine(settings, &camera, &set, &light, Some(&environment))?;
+            std::fs::create_dir_all(&self.output).map_err(|error| Error::file(&self.output, error))?;
             let mut film = Film::default();
             terminal.begin("rendering", self.frames.into());
             for frame in 0..self.frames {
