@@ -288,9 +288,9 @@ impl<'a> Rows<'a> {
                 }
                 self.depth[i] = depth as f32;
                 let mut weights = [0.0f32; 3];
-                for k in 0..3 {
-                    let share = (shares[k] / sum) as f32;
-                    (0..3).for_each(|j| weights[j] += share * part.weights[k][j]);
+                for (corner, share) in part.weights.iter().zip(shares) {
+                    let share = (share / sum) as f32;
+                    (0..3).for_each(|j| weights[j] += share * corner[j]);
                 }
                 let normal: Vec3 = (0..3).map(|k| surface.normals[corners[k]] * weights[k]).sum();
                 let normal = normal.normalize_or(Vec3::Z) * part.side;

@@ -250,6 +250,7 @@ dispatch! {
                     }
                 }
             }
+            #[expect(clippy::needless_range_loop, reason = "the second index, across the lanes' rows")]
             for k in 0..needed {
                 let row = &light.product[k * coefficients..(k + 1) * coefficients];
                 let mut hidden = [Lanes::ZERO; 3];

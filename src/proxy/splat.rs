@@ -211,16 +211,12 @@ dispatch! {
                         let mut bands = [Lanes::ZERO; BANDS];
                         for lane in 0..LANES {
                             let row = table.row(seen.u.0[lane]);
-                            for l in 0..BANDS {
-                                bands[l].0[lane] = row[l];
-                            }
+                            bands.iter_mut().zip(row).for_each(|(band, value)| band.0[lane] = value);
                         }
                         let y: [Lanes; LEN] = basis::<BANDS, LEN>(seen.axis);
-                        for l in 0..BANDS {
-                            bands[l] = bands[l] * seen.weight;
-                            for k in l * l..(l + 1) * (l + 1) {
-                                sum[k] += y[k] * bands[l];
-                            }
+                        for (l, band) in bands.iter().enumerate() {
+                            let band = *band * seen.weight;
+                            (l * l..(l + 1) * (l + 1)).for_each(|k| sum[k] += y[k] * band);
                         }
                     }
                     let place = ((y - rows.start) * receivers.groups() + column) * LEN;
