@@ -1,5 +1,7 @@
 use glam::DVec3;
 
+use crate::scene::{MORTON_BITS, morton};
+
 /// Most receivers that share one contour search.
 pub const TILE_RECEIVERS: usize = 64;
 
@@ -36,17 +38,6 @@ pub fn tiles(positions: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
         }
     }
     tiles
-}
-
-const MORTON_BITS: u32 = 20;
-
-/// Interleaves the bits of a cell's coordinates (Morton 1966).
-fn morton(cell: DVec3) -> u64 {
-    let spread = |x: f64| {
-        let x = (x as u64).min((1 << MORTON_BITS) - 1);
-        (0..MORTON_BITS).fold(0, |code, bit| code | ((x >> bit) & 1) << (3 * bit))
-    };
-    spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2
 }
 
 #[cfg(test)]

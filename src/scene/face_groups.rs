@@ -1,6 +1,8 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::morton::{MORTON_BITS, morton};
+
 /// Faces in groups of at most [`FaceGroups::MOST`] neighbours: the leaves of a tree that then has a third as many nodes to
 /// build and to keep as one over single faces.
 ///
@@ -23,7 +25,7 @@ impl FaceGroups {
         let bounds = || (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let join = |(a, b): (DVec3, DVec3), (c, d): (DVec3, DVec3)| (a.min(c), b.max(d));
         let (low, high) = triangles.par_iter().map(|face| (centre(face), centre(face))).reduce(bounds, join);
-        let cell = ((high - low).max_element() / f64::from(1u32 << BITS)).max(f64::MIN_POSITIVE);
+        let cell = ((high - low).max_element() / f64::from(1u32 << MORTON_BITS)).max(f64::MIN_POSITIVE);
         let mut order: Vec<(u64, u32)> = triangles
             .par_iter()
             .zip(0..triangles.len() as u32)
@@ -58,21 +60,6 @@ fn cut(range: &[(u64, u32)]) -> usize {
     }
 }
 
-const BITS: u32 = 20;
-
-/// Interleaves the bits of a cell's coordinates (Morton 1966).
-fn morton(cell: DVec3) -> u64 {
-    let spread = |x: f64| {
-        let mut x = (x as u64).min((1 << BITS) - 1);
-        x = (x | x << 32) & 0x001f_0000_0000_ffff;
-        x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-        x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-        x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-        (x | x << 2) & 0x1249_2492_4924_9249
-    };
-    spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::shapes::TorusKnot;
@@ -105,14 +92,5 @@ mod tests {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
         assert!(group(&positions, &[]).is_empty());
         assert_eq!(group(&positions, &[[0, 1, 2]; 9]).iter().map(Vec::len).collect::<Vec<_>>(), [4, 2, 3]);
-    }
-
-    #[test]
-    fn bits_are_interleaved() {
-        assert_eq!(morton(DVec3::new(1.0, 2.0, 4.0)), 0b100_010_001);
-        assert_eq!(morton(DVec3::splat(f64::from(1u32 << BITS))), (1 << (3 * BITS)) - 1);
-        let x = 0b1011_0110_0101_1100_1010u64;
-        let slow = (0..BITS).fold(0, |code, bit| code | ((x >> bit) & 1) << (3 * bit));
-        assert_eq!(morton(DVec3::new(x as f64, 0.0, 0.0)), slow);
     }
 }
