@@ -2,7 +2,7 @@
 //!
 //! What a point sees is bounded by *contours*, the edges where a mesh turns from one side to the other. Between them the
 //! number of surfaces in a direction does not change. This crate finds the contours, follows that number along lines of the
-//! sphere (the octahedral isolines of Nowrouzezahrai, Baran, Mitchell and Jarosz, *Visibility Silhouettes for Semi-Analytic
+//! sphere (the isolines of Nowrouzezahrai, Baran, Mitchell and Jarosz, *Visibility Silhouettes for Semi-Analytic
 //! Spherical Integration*, 2014) and integrates over what is left open in closed form: ambient occlusion, spherical
 //! harmonics of the visibility, cosine transfer vectors, irradiance. The error falls like the number of lines to the power
 //! of -1.5.

@@ -31,7 +31,7 @@ pub struct MethodOptions {
 enum MethodName {
     /// Whatever reaches --error in the least time, as far as a few receivers can tell
     Auto,
-    /// Octahedral isolines: analytic along one direction, no noise
+    /// Isolines: analytic along one direction, no noise
     Isolines,
     /// The visible region itself, closed forms over its boundary: no knob
     Exact,
