@@ -90,12 +90,11 @@ impl RunOptions {
     pub fn integrate(&self, work: &Work, out: &Path, pool: &ThreadPool) -> Result<(Arrays, Provenance)> {
         let prepared = Prepared::new(work.geometry, work.environment);
         let terminal = Terminal::new(self.quiet);
-        let part = Partial::path(out);
         let (method, plan) = match work.choice {
             Choice::Method(method) => (method, None),
-            Choice::Goal(_) if self.resume => match self.kept(&part)?.integrated_by() {
+            Choice::Goal(_) if self.resume => match Partial::provenance(&kept(out)?)?.integrated_by() {
                 Some(method) => (method, None),
-                None => return Err(Error::file(part, "does not say by what method it was made; begin anew")),
+                None => return Err(Error::file(kept(out)?, "does not say by what method it was made; begin anew")),
             },
             Choice::Goal(goal) => {
                 let plan = pool.install(|| prepared.plan(work.receivers, work.request, goal, &terminal));
@@ -128,17 +127,7 @@ impl RunOptions {
         if !self.resume {
             return Ok(None);
         }
-        let part = Partial::path(out);
-        self.kept(&part)?;
-        Partial::read(&part, provenance).map(Some)
-    }
-
-    /// What the run whose finished part is `part` was computing.
-    fn kept(&self, part: &Path) -> Result<Provenance> {
-        match part.exists() {
-            true => Partial::provenance(part),
-            false => Err(Error::file(part, "there is nothing to go on from; leave --resume out")),
-        }
+        Partial::read(&kept(out)?, provenance).map(Some)
     }
 
     /// Removes what an interrupted run had kept, once `out` is written.
@@ -183,6 +172,15 @@ impl RunOptions {
             }
         }
         Err(Error::Interrupted)
+    }
+}
+
+/// The finished part of the run that was to write `out`, which must be there.
+fn kept(out: &Path) -> Result<PathBuf> {
+    let part = Partial::path(out);
+    match part.exists() {
+        true => Ok(part),
+        false => Err(Error::file(part, "there is nothing to go on from; leave --resume out")),
     }
 }
 
