@@ -58,19 +58,20 @@ fn covers(faces: &FaceTree, isolines: &Isolines, frame: Frame, position: DVec3, 
     here + (-total).max(0)
 }
 
-/// Counts the depth complexity W where the meridians start, by a ray that counts every face once.
+/// Calls `covers` with the faces that cover the start of the meridians, and how often each does, found by a ray that looks at every
+/// face once: their sum is the depth complexity W there.
 ///
 /// A face covers the start if the isolines leave it once more often than they enter it, on whichever of them: decided with
 /// the very predicates and signs that the contours use, as in [`count_on_spine`].
-pub(super) fn count_at_start(
+pub(super) fn faces_at_start(
     faces: &FaceTree,
     meridians: &Meridians,
     frame: MeridianFrame,
     position: DVec3,
     excluded: &[u32],
-) -> i32 {
+    mut covers: impl FnMut(u32, i32),
+) {
     let lines = meridians.len();
-    let mut depth = 0;
     faces.visit(position, frame.start(), |face| {
         if !excluded.contains(&face) {
             let vertices = faces.vertices(face);
@@ -85,11 +86,12 @@ pub(super) fn count_at_start(
                 let way = Way::new(places[a], places[b], lines as i32, plane);
                 total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
             }
-            depth += (-total).max(0);
+            if total < 0 {
+                covers(face, -total);
+            }
         }
         ControlFlow::Continue(())
     });
-    depth
 }
 
 /// Counts the depth complexity W in a direction that meets no edge, by a ray that counts every face once.

@@ -12,6 +12,8 @@ pub struct Skips {
     pub enclosed_receivers: bool,
     /// Contours between two isolines are not placed on their circles.
     pub between_isolines: bool,
+    /// Groups of bodies of which nothing can be seen along the isolines are not looked at, nor searched.
+    pub hidden_bodies: bool,
 }
 
 impl Skips {
@@ -22,6 +24,7 @@ impl Skips {
         open_receivers: false,
         enclosed_receivers: false,
         between_isolines: false,
+        hidden_bodies: false,
     };
 }
 
@@ -33,6 +36,7 @@ impl Default for Skips {
             open_receivers: true,
             enclosed_receivers: true,
             between_isolines: true,
+            hidden_bodies: true,
         }
     }
 }

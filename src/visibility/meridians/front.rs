@@ -1,0 +1,126 @@
+use glam::{DVec3, Vec3};
+
+use super::gaps::Gaps;
+use super::{MeridianFrame, Outlook};
+
+/// The gaps of one receiver's isolines, against which boxes are tested in single precision: a sector of a plane each.
+#[derive(Clone, Debug, Default)]
+pub(in crate::visibility) struct Front {
+    /// Cosine and sine of the isolines' longitudes.
+    cos: Vec<f32>,
+    sin: Vec<f32>,
+    /// The same of the latitudes where the gaps begin and end.
+    begin: [Vec<f32>; 2],
+    end: [Vec<f32>; 2],
+}
+
+/// A box seen from a receiver, in the axes of its chart.
+struct Look {
+    centre: Vec3,
+    /// Half edges.
+    edges: [Vec3; 3],
+    margin: f32,
+}
+
+/// Boxes count as larger by this fraction of their distance and size. Rounding in single precision is below a tenth of it;
+/// vertices are placed, and crossings kept, to 1e-8.
+const MARGIN: f32 = 1e-5;
+
+/// Sectors tested at once.
+const LANES: usize = 8;
+
+impl Front {
+    /// Takes the gaps as they are now.
+    pub(in crate::visibility) fn take(&mut self, outlook: Outlook, gaps: &Gaps) {
+        let [begin_cos, begin_sin] = &mut self.begin;
+        let [end_cos, end_sin] = &mut self.end;
+        for lanes in [&mut self.cos, &mut self.sin, begin_cos, begin_sin, end_cos, end_sin] {
+            lanes.clear();
+        }
+        for (line, begin, end) in gaps.iter() {
+            self.cos.push(outlook.meridians.cos[line] as f32);
+            self.sin.push(outlook.meridians.sin[line] as f32);
+            begin_sin.push(begin as f32);
+            end_sin.push(end as f32);
+        }
+        // The last sector is repeated until all lanes are full.
+        for lanes in [&mut self.cos, &mut self.sin, begin_sin, end_sin] {
+            if let Some(&last) = lanes.last() {
+                lanes.resize(lanes.len().next_multiple_of(LANES), last);
+            }
+        }
+        for (cos, sin) in [(begin_cos, begin_sin), (end_cos, end_sin)] {
+            cos.resize(sin.len(), 0.0);
+            for (cos, sin) in cos.iter_mut().zip(sin) {
+                *cos = 1.0 / (1.0 + *sin * *sin).sqrt();
+                *sin *= *cos;
+            }
+        }
+    }
+
+    /// Number of sectors, rounded up to whole lanes.
+    pub(in crate::visibility) fn len(&self) -> usize {
+        self.cos.len()
+    }
+
+    /// Whether a box, given by its lowest and highest corner, may be met by one of the gaps: conservatively.
+    pub(in crate::visibility) fn meets(&self, outlook: Outlook, box_: [Vec3; 2]) -> bool {
+        let look = Look::new(outlook.frame, outlook.position, box_);
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.meets_avx2(&look) };
+        }
+        self.meets_inline(&look)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn meets_avx2(&self, look: &Look) -> bool {
+        self.meets_inline(look)
+    }
+
+    /// A sector misses a box on one side of its plane, before its first ray, or behind its last one.
+    #[inline(always)]
+    fn meets_inline(&self, Look { centre, edges, margin }: &Look) -> bool {
+        let lanes = |values: &[f32], at: usize| -> [f32; LANES] {
+            values[at..at + LANES].try_into().expect("there are whole lanes of sectors")
+        };
+        for at in (0..self.len()).step_by(LANES) {
+            let [cos, sin] = [&self.cos, &self.sin].map(|values| lanes(values, at));
+            let begin = self.begin.each_ref().map(|values| lanes(values, at));
+            let end = self.end.each_ref().map(|values| lanes(values, at));
+            let mut met = [false; LANES];
+            for j in 0..LANES {
+                let across = |v: &Vec3| cos[j] * v.y - sin[j] * v.x;
+                let out = |v: &Vec3| cos[j] * v.x + sin[j] * v.y;
+                let side = across(centre).abs() - edges.iter().map(|e| across(e).abs()).sum::<f32>();
+                let before = |v: &Vec3| begin[1][j] * out(v) - begin[0][j] * v.z;
+                let first = before(centre) - edges.iter().map(|e| before(e).abs()).sum::<f32>();
+                let behind = |v: &Vec3| end[0][j] * v.z - end[1][j] * out(v);
+                let last = behind(centre) - edges.iter().map(|e| behind(e).abs()).sum::<f32>();
+                met[j] = !(side.max(first).max(last) > *margin);
+            }
+            if met.iter().fold(false, |any, met| any | met) {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+impl Look {
+    fn new(frame: MeridianFrame, position: DVec3, [low, high]: [Vec3; 2]) -> Self {
+        let (low, high) = (low.as_dvec3(), high.as_dvec3());
+        let centre = frame.apply(0.5 * low + 0.5 * high - position).as_vec3();
+        let half = 0.5 * high - 0.5 * low;
+        let edges = [0, 1, 2].map(|axis| (half[axis] * frame.axes().row(axis)).as_vec3());
+        let size = centre.abs().element_sum() + edges.iter().map(|edge| edge.abs().element_sum()).sum::<f32>();
+        Self { centre, edges, margin: MARGIN * size + f32::MIN_POSITIVE }
+    }
+}
+
+/// Distance of a box from a point, squared.
+pub(in crate::visibility) fn distance_squared([low, high]: [Vec3; 2], p: Vec3) -> f32 {
+    (low - p).max(p - high).max(Vec3::ZERO).length_squared()
+}

@@ -1,0 +1,321 @@
+use dual_bvh::{Candidates, Contours, DualBvh, Tile};
+use glam::Vec3;
+use smallvec::SmallVec;
+
+use super::depth::faces_at_start;
+use super::meridians::{self, Crossings, Front, Gaps, Outlook, distance_squared};
+use super::{Counts, Sight, Skips, Spans};
+use crate::scene::FaceTree;
+
+/// Working memory for tracing receivers along meridians.
+#[derive(Default)]
+pub(super) struct Tracer {
+    crossings: Crossings,
+    gaps: Gaps,
+    front: Front,
+    spans: Spans,
+    counts: Counts,
+    /// For each group the last receiver whose isolines it was put before.
+    entered: Vec<u32>,
+    receiver: u32,
+    /// Boxes to look at, by level and number, the next one last.
+    stack: Vec<(usize, u32)>,
+    /// What tests of boxes may still cost before they must have saved something.
+    credit: i64,
+}
+
+/// Tests that are made for a tile before they have saved anything, in units of a few sectors against a box: a few microseconds.
+const CREDIT: i64 = 400;
+/// A hidden group saves work that grows with its contours, which grow like the root of the number of its edges.
+const SAVED: f64 = 10.0;
+/// What a test costs beside its sectors.
+const TEST: i64 = 4;
+
+/// What a receiver is looked at with.
+#[derive(Clone, Copy)]
+pub(super) struct Look<'a> {
+    pub(super) edges: &'a DualBvh,
+    pub(super) faces: &'a FaceTree,
+    pub(super) outlook: Outlook<'a>,
+    pub(super) excluded: &'a [u32],
+    pub(super) tile: Tile<'a>,
+    pub(super) skips: Skips,
+}
+
+impl Tracer {
+    /// Begins with another tile.
+    pub(super) fn begin(&mut self) {
+        self.credit = CREDIT;
+    }
+
+    pub(super) fn spans(&self) -> &Spans {
+        &self.spans
+    }
+
+    pub(super) fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// What a receiver sees; candidates are searched where they are needed.
+    pub(super) fn trace(&mut self, look: Look, candidates: &mut Candidates, contours: &mut Contours) -> Sight {
+        self.counts = Counts::default();
+        let Outlook { meridians, frame, position, .. } = look.outlook;
+        let mut depths = SmallVec::<[(u32, i32); 8]>::new();
+        faces_at_start(look.faces, meridians, frame, position, look.excluded, |face, covers| {
+            let group = look.edges.group_of(face);
+            match depths.iter_mut().find(|(of, _)| *of == group) {
+                Some((_, depth)) => *depth += covers,
+                None => depths.push((group, covers)),
+            }
+        });
+        let depth: i32 = depths.iter().map(|(_, depth)| depth).sum();
+        let is_one = look.edges.groups() < 2;
+        if is_one {
+            (0..look.edges.groups() as u32).for_each(|group| self.choose(group, look, candidates, contours));
+        } else {
+            self.cover(&depths, look, candidates, contours);
+        }
+        let sight = match (self.counts.above, depth) {
+            (0, 0) => Some((Sight::Open, look.skips.open_receivers)),
+            (0, _) => Some((Sight::Enclosed, look.skips.enclosed_receivers)),
+            _ => None,
+        };
+        if let Some((sight, true)) = sight {
+            return sight;
+        }
+        let sweep = if is_one {
+            self.crossings.cross(look.outlook, candidates);
+            meridians::sweep(look.outlook, &mut self.crossings, depth, &mut self.spans)
+        } else {
+            self.gaps.finish(&mut self.spans)
+        };
+        sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
+    }
+
+    /// Finds the contours of a group, searching it if this is the tile's first receiver for which it matters.
+    fn choose(&mut self, group: u32, look: Look, candidates: &mut Candidates, contours: &mut Contours) {
+        if candidates.part(group).is_none() {
+            look.edges.search_group(group, &look.tile, candidates);
+        }
+        let Some(part) = candidates.part(group) else { unreachable!("the group has been searched") };
+        candidates.contours_in(part, look.outlook.position, look.excluded, contours);
+        self.crossings.choose(look.outlook, candidates, part, contours, !look.skips.between_isolines);
+        self.counts += self.crossings.counts();
+    }
+
+    /// Puts the groups before the isolines: those that cover their start first, then from near to far, leaving out what meets no
+    /// gap.
+    fn cover(&mut self, depths: &[(u32, i32)], look: Look, candidates: &mut Candidates, contours: &mut Contours) {
+        let groups = look.edges.groups();
+        self.gaps.reset(look.outlook);
+        self.entered.resize(groups, 0);
+        self.receiver = self.receiver.wrapping_add(1);
+        if self.receiver == 0 {
+            self.entered.fill(0);
+            self.receiver = 1;
+        }
+        for &(group, depth) in depths {
+            self.enter(group, depth, look, candidates, contours);
+        }
+        // A probe's isolines end in one direction, and must agree there on everything.
+        let mut is_complete = !look.skips.hidden_bodies || look.outlook.normal.is_none() || self.credit < 0;
+        if !is_complete {
+            is_complete = !self.walk(look, candidates, contours);
+            let is_open = self.counts.above == 0 && depths.iter().all(|&(_, depth)| depth == 0);
+            // Nothing above the horizon must have been missed between the isolines.
+            is_complete |= is_open;
+        }
+        if is_complete {
+            self.counts.hidden = 0;
+            (0..groups as u32).for_each(|group| self.enter(group, 0, look, candidates, contours));
+        }
+    }
+
+    /// Puts a group before the isolines unless that has been done.
+    fn enter(
+        &mut self,
+        group: u32,
+        depth: i32,
+        look: Look,
+        candidates: &mut Candidates,
+        contours: &mut Contours,
+    ) {
+        if std::mem::replace(&mut self.entered[group as usize], self.receiver) == self.receiver {
+            return;
+        }
+        self.choose(group, look, candidates, contours);
+        if let Some(open) = self.gaps.open() {
+            self.crossings.drop_covered(open, look.outlook.meridians.len());
+        }
+        self.crossings.cross(look.outlook, candidates);
+        self.gaps.cover(&mut self.crossings, depth);
+    }
+
+    /// Enters the groups that meet gaps, from near to far. Returns whether it got through: it gives up if its tests cost more than
+    /// they save.
+    fn walk(&mut self, look: Look, candidates: &mut Candidates, contours: &mut Contours) -> bool {
+        let boxes = look.edges.group_boxes();
+        let p = look.outlook.position.as_vec3();
+        self.front.take(look.outlook, &self.gaps);
+        self.stack.clear();
+        self.stack.push((boxes.len() - 1, 0));
+        while let Some((level, index)) = self.stack.pop() {
+            if level == 0 && self.entered[index as usize] == self.receiver {
+                continue;
+            }
+            self.credit -= TEST + self.front.len() as i64 / 8;
+            if self.credit < 0 {
+                return false;
+            }
+            if !self.front.meets(look.outlook, boxes[level][index as usize]) {
+                self.hide(level, index, look.edges);
+            } else if level == 0 {
+                self.enter(index, 0, look, candidates, contours);
+                self.front.take(look.outlook, &self.gaps);
+            } else {
+                self.push_children(level - 1, index, &boxes[level - 1], p);
+            }
+        }
+        true
+    }
+
+    /// Counts the groups in a box that cannot be seen.
+    fn hide(&mut self, level: usize, index: u32, edges: &DualBvh) {
+        let below = 8u32.pow(level as u32);
+        let groups = index * below..((index + 1) * below).min(edges.groups() as u32);
+        for group in groups.filter(|&group| self.entered[group as usize] != self.receiver) {
+            self.counts.hidden += 1;
+            self.credit += (SAVED * (edges.group_edges(group).len() as f64).sqrt()) as i64;
+        }
+    }
+
+    /// Eight boxes at most, the nearest last.
+    fn push_children(&mut self, level: usize, parent: u32, boxes: &[[Vec3; 2]], p: Vec3) {
+        let children = 8 * parent..(8 * parent + 8).min(boxes.len() as u32);
+        let mut sorted: SmallVec<[(f32, u32); 8]> =
+            children.map(|child| (distance_squared(boxes[child as usize], p), child)).collect();
+        sorted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
+        self.stack.extend(sorted.iter().map(|&(_, child)| (level, child)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use dual_bvh::BuildOptions;
+    use glam::{DVec3, IVec3};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::visibility::{MeridianFrame, Meridians, Receiver, View, Viewer};
+
+    /// A box between two corners of a grid.
+    type Block = [IVec3; 2];
+
+    fn blocks(grid: i32) -> impl Strategy<Value = Vec<Block>> {
+        let corner = (-grid..grid, -grid..grid, -grid..grid).prop_map(|(x, y, z)| IVec3::new(x, y, z));
+        let size = (1..=grid, 1..=grid, 1..=grid).prop_map(|(x, y, z)| IVec3::new(x, y, z));
+        prop::collection::vec((corner, size).prop_map(|(low, size)| [low, low + size]), 1..40)
+    }
+
+    /// Twelve triangles a box, which has corners of its own, and some without their last two: open from above.
+    fn mesh(blocks: &[Block]) -> (Arc<[Vec3]>, Arc<[[u32; 3]]>) {
+        const SIDES: [[u32; 4]; 6] =
+            [[0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for (number, &[low, high]) in blocks.iter().enumerate() {
+            let first = 8 * number as u32;
+            positions.extend((0..8).map(|i| {
+                let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+                Vec3::new(pick(0) as f32, pick(1) as f32, pick(2) as f32)
+            }));
+            let sides = if number % 5 == 4 { 5 } else { 6 };
+            triangles.extend(
+                SIDES[..sides].iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(|i| first + i)),
+            );
+        }
+        (positions.into(), triangles.into())
+    }
+
+    fn is_on_side(p: DVec3, [low, high]: Block) -> bool {
+        let (low, high) = (low.as_dvec3(), high.as_dvec3());
+        let is_inside = p.cmpge(low).all() && p.cmple(high).all();
+        is_inside && (p.cmpeq(low).any() || p.cmpeq(high).any())
+    }
+
+    /// Spans of all isolines, none for a receiver that sees nothing, and the number of alarms.
+    fn seen(viewer: &Viewer, receiver: Receiver, skips: Skips, view: &mut View) -> (Option<Spans>, usize) {
+        let meridians = Meridians::new(22).unwrap();
+        let frame = MeridianFrame::facing(receiver.normal, false);
+        match viewer.trace(&meridians, frame, receiver, skips, view) {
+            Sight::Open => (None, 0),
+            Sight::Enclosed => (Some(Spans::new(&[&[] as &[(f64, f64)]; 22])), 0),
+            Sight::Part(sweep) => (Some(view.spans().clone()), sweep.depth_alarms),
+        }
+    }
+
+    fn skipping_changes_nothing(
+        (positions, triangles): (Arc<[Vec3]>, Arc<[[u32; 3]]>),
+        receivers: &[Receiver],
+        group_faces: usize,
+    ) -> usize {
+        let mut options = BuildOptions::default();
+        options.group_faces = group_faces;
+        let edges = DualBvh::build(positions.clone(), triangles.clone(), &options).unwrap();
+        let faces = FaceTree::new(positions, triangles);
+        let viewer = Viewer { edges: &edges, faces: &faces };
+        let (mut lazy, mut full) = (View::default(), View::default());
+        viewer.approach(receivers.iter().copied(), &mut lazy);
+        viewer.approach(receivers.iter().copied(), &mut full);
+        let all = Skips { hidden_bodies: false, ..Skips::default() };
+        let mut hidden = 0;
+        for &receiver in receivers {
+            // Whatever tests cost, here they are made.
+            lazy.tracer().credit = i64::MAX / 2;
+            let expected = seen(&viewer, receiver, all, &mut full);
+            assert_eq!(full.counts().hidden, 0);
+            assert_eq!(seen(&viewer, receiver, Skips::default(), &mut lazy), expected, "{receiver:?}");
+            hidden += lazy.counts().hidden;
+        }
+        hidden
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 400, max_global_rejects: 1 << 20, ..ProptestConfig::default() })]
+
+        /// Boxes that touch, stand in one another or coincide, seen from within the planes of their sides.
+        #[test]
+        fn hidden_boxes_change_nothing(
+            blocks in blocks(4),
+            points in prop::collection::vec((-8..8i32, -8..8i32, -8..8i32), 1..5),
+            normal in (-2..3i32, -2..3i32, -2..3i32),
+            group_faces in prop::sample::select(vec![1usize, 30, 100]),
+        ) {
+            let normal = DVec3::new(normal.0.into(), normal.1.into(), normal.2.into()).try_normalize();
+            let receivers: Vec<Receiver> = points
+                .iter()
+                .map(|&(x, y, z)| 0.5 * DVec3::new(x.into(), y.into(), z.into()))
+                .filter(|&p| blocks.iter().all(|&block| !is_on_side(p, block)))
+                .map(|position| Receiver { position, normal, excluded: &[] })
+                .collect();
+            skipping_changes_nothing(mesh(&blocks), &receivers, group_faces);
+        }
+    }
+
+    /// Shells in one another, with things between them: all but the innermost, and what is in it, is hidden.
+    #[test]
+    fn what_is_outside_of_a_shell_is_hidden() {
+        let mut blocks: Vec<Block> = (1..6).map(|i| [IVec3::splat(-4 * i), IVec3::splat(4 * i)]).collect();
+        // The fifth has no lid.
+        for i in 1..6 {
+            let low = IVec3::new(4 * i - 3, 1, -1);
+            blocks.push([low, low + IVec3::new(1, 2, 2)]);
+        }
+        let at = |p: DVec3| Receiver { position: p, normal: Some(DVec3::new(0.6, 0.0, 0.8)), excluded: &[] };
+        let inside = skipping_changes_nothing(mesh(&blocks), &[at(DVec3::new(-1.3, 0.2, 0.4))], 1);
+        assert_eq!(inside, 8, "of ten");
+        let outside = skipping_changes_nothing(mesh(&blocks), &[at(DVec3::new(-1.3, 40.0, 0.4))], 1);
+        assert!(outside < 8);
+    }
+}
