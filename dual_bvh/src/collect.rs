@@ -29,6 +29,8 @@ impl DualBvh {
         }
         let (old_edges, old_incidences) = (out.edge_count, out.incidence_count);
         let (old_vertices, old_faces) = (out.vertices().len(), out.faces().len());
+        out.vertices.begin_part();
+        out.faces.begin_part();
         let count = regular.len() + border.len() + other.len();
         out.edge_count += count;
 

@@ -44,23 +44,29 @@ impl Scratch {
     }
 
     /// Marks the edges of the group's excluded faces and makes them the first hits.
-    fn exclude(&mut self, bvh: &DualBvh, group: u32) {
-        self.hits.clear();
-        self.excluded.clear();
-        let [start, end] = [group, group + 1].map(|group| self.excluded_faces.partition_point(|face| face.0 < group));
-        if start < end {
-            let edges = bvh.group_edges(group);
-            self.excluded.resize(edges.len().div_ceil(8), 0);
-            for &(_, _, face) in &self.excluded_faces[start..end] {
-                for edge in bvh.face_edges(face) {
-                    let local = (edge - edges.start) as usize;
-                    let (bits, bit) = (&mut self.excluded[local / 8], 1 << (local % 8));
-                    if *bits & bit == 0 {
-                        *bits |= bit;
-                        self.hits.push(edge);
-                    }
+    fn exclude(&mut self, bvh: &DualBvh, group: u32, tile: &Tile<'_>) {
+        let Self { hits, excluded, excluded_faces, .. } = self;
+        hits.clear();
+        excluded.clear();
+        let edges = bvh.group_edges(group);
+        let mut mark = |face: u32| {
+            excluded.resize(edges.len().div_ceil(8), 0);
+            for edge in bvh.face_edges(face) {
+                let local = (edge - edges.start) as usize;
+                let (bits, bit) = (&mut excluded[local / 8], 1 << (local % 8));
+                if *bits & bit == 0 {
+                    *bits |= bit;
+                    hits.push(edge);
                 }
             }
+        };
+        if tile.excluded().len() < excluded_faces.len() {
+            // The few of a part of the tile.
+            let faces = tile.excluded().iter().filter(|&&face| (face as usize) < bvh.triangles.len());
+            faces.filter(|&&face| bvh.group_of(face) == group).for_each(|&face| mark(face));
+        } else {
+            let [start, end] = [group, group + 1].map(|group| excluded_faces.partition_point(|face| face.0 < group));
+            excluded_faces[start..end].iter().for_each(|&(_, _, face)| mark(face));
         }
     }
 }
@@ -80,21 +86,27 @@ impl DualBvh {
         out.scratch.sort_excluded(self, tile);
     }
 
-    /// Finds the candidates in one group that has not been searched for this tile, for which the search was
-    /// [begun](DualBvh::begin).
+    /// Finds the candidates in one group for a tile for which the search was [begun](DualBvh::begin), or for a part of that tile
+    /// that excludes some of the same faces. If the group has been searched before, it is the newer [part](Candidates::part) that
+    /// counts, but the older one is still there.
     pub fn search_group(&self, group: u32, tile: &Tile<'_>, out: &mut Candidates) {
+        self.search_few(group, tile, usize::MAX, out);
+    }
+
+    /// The same, if there are at most so many candidates; returns whether there are.
+    pub fn search_few(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> bool {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.search_avx2(group, tile, out) };
+            return unsafe { self.search_avx2(group, tile, most, out) };
         }
-        self.search_inline(group, tile, out);
+        self.search_inline(group, tile, most, out)
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn search_avx2(&self, group: u32, tile: &Tile<'_>, out: &mut Candidates) {
-        self.search_inline(group, tile, out);
+    fn search_avx2(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> bool {
+        self.search_inline(group, tile, most, out)
     }
 
     /// Makes every edge a candidate, for receivers anywhere: the twin of [`DualBvh::search`] without the tree, which finds the same
@@ -114,17 +126,21 @@ impl DualBvh {
     }
 
     #[inline(always)]
-    fn search_inline(&self, group: u32, tile: &Tile<'_>, out: &mut Candidates) {
+    fn search_inline(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> bool {
         let query = Query::new(tile);
         let mut scratch = std::mem::take(&mut out.scratch);
-        scratch.exclude(self, group);
+        scratch.exclude(self, group, tile);
         let searched = &self.groups[group as usize];
         let [nodes, edges] = searched.balanced_hits(&query, &mut scratch);
         let unbalanced = searched.unbalanced_hits(&query, &mut scratch);
         out.nodes_tested += nodes + unbalanced;
         out.edges_tested += edges;
-        self.collect(group, tile, &mut scratch, out);
+        let is_few = scratch.hits.len() <= most;
+        if is_few {
+            self.collect(group, tile, &mut scratch, out);
+        }
         out.scratch = scratch;
+        is_few
     }
 }
 
@@ -255,7 +271,9 @@ mod tests {
             let tile = Tile::new([(p, normal), (p + 0.01 * f64::from(i), normal)].into_iter());
             tree.search(&tile, &mut candidates);
             tree.begin(&tile, &mut portable);
-            (0..tree.groups() as u32).for_each(|group| tree.search_inline(group, &tile, &mut portable));
+            for group in 0..tree.groups() as u32 {
+                assert!(tree.search_inline(group, &tile, usize::MAX, &mut portable));
+            }
             assert!(!candidates.edges().is_empty());
             assert_eq!(candidates.edges(), portable.edges());
             assert_eq!(candidates.incidences(), portable.incidences());

@@ -7,10 +7,13 @@ pub const TILE_RECEIVERS: usize = 64;
 
 /// Largest radius of a tile, as a fraction of the scene's diagonal: beyond it the edges that are contours for some
 /// receivers of the tile only outnumber what sharing the search saves.
-pub const TILE_RADIUS: f64 = 0.01;
+pub const TILE_RADIUS: f64 = 0.03;
+
+/// A tile of so many receivers grows no further than this share of the largest radius: the search has been shared enough.
+const ENOUGH: (usize, f64) = (16, 1.0 / 6.0);
 
 /// Groups neighbouring receivers, as indices: along a Morton curve over their bounds, cut after [`TILE_RECEIVERS`] or
-/// when a group outgrows `radius` (of the box around it). Depends on the positions alone.
+/// when a group outgrows `radius` (of the box around it), or a part of it where receivers are dense. Depends on the positions alone.
 pub fn tiles(positions: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
     let bounds = |points: &mut dyn Iterator<Item = DVec3>| {
         points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
@@ -26,8 +29,12 @@ pub fn tiles(positions: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
     for (_, index) in order {
         let p = positions[index as usize];
         let grown = (extent.0.min(p), extent.1.max(p));
+        let fits = |count: usize| {
+            let share = if count < ENOUGH.0 { 1.0 } else { ENOUGH.1 };
+            count < TILE_RECEIVERS && (grown.1 - grown.0).length() <= 2.0 * radius * share
+        };
         match tiles.last_mut() {
-            Some(tile) if tile.len() < TILE_RECEIVERS && (grown.1 - grown.0).length() <= 2.0 * radius => {
+            Some(tile) if fits(tile.len()) => {
                 tile.push(index);
                 extent = grown;
             }

@@ -1,10 +1,12 @@
+use std::ops::Range;
+
 use dual_bvh::{Candidates, Contours, DualBvh, Tile};
 use glam::Vec3;
 use smallvec::SmallVec;
 
 use super::depth::faces_at_start;
 use super::meridians::{self, Crossings, Front, Gaps, Outlook, distance_squared};
-use super::{Counts, Sight, Skips, Spans};
+use super::{Counts, Sight, Skips, Spans, Sweep};
 use crate::scene::FaceTree;
 
 /// Working memory for tracing receivers along meridians.
@@ -18,18 +20,43 @@ pub(super) struct Tracer {
     /// For each group the last receiver whose isolines it was put before.
     entered: Vec<u32>,
     receiver: u32,
+    /// For each group the last tile that came to it, and how it searches.
+    sharing: Vec<(u32, Sharing)>,
+    tile: u32,
     /// Boxes to look at, by level and number, the next one last.
     stack: Vec<(usize, u32)>,
-    /// What tests of boxes may still cost before they must have saved something.
+    /// What looking for hidden groups may still cost before it must have saved something.
     credit: i64,
 }
 
-/// Tests that are made for a tile before they have saved anything, in units of a few sectors against a box: a few microseconds.
-const CREDIT: i64 = 400;
-/// A hidden group saves work that grows with its contours, which grow like the root of the number of its edges.
-const SAVED: f64 = 10.0;
+/// Leaving out a group saves work that grows with its contours, which grow like the root of the number of its edges. In units of
+/// a test of eight sectors against a box, a few nanoseconds.
+const SAVED: f64 = 6.0;
+/// Share of a tile's work that may be risked.
+const RISK: f64 = 1.0 / 16.0;
 /// What a test costs beside its sectors.
-const TEST: i64 = 4;
+const TEST: usize = 4;
+/// What it costs to put one more group before an isoline.
+const CUT: usize = 3;
+
+/// How a tile's receivers get at their contours in a group.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Sharing {
+    /// Nobody has looked yet.
+    #[default]
+    Unknown,
+    /// One has looked for itself, and has found so many.
+    Once(usize),
+    /// All share one search.
+    Shared,
+    /// Each searches for itself.
+    Alone,
+}
+
+/// A group is searched for each receiver alone if for the tile together there would be more candidates than so many and this many
+/// times the contours of one: those of the body on which they lie, above all, are others for each of them.
+const MANY: usize = 300;
+const EXCESS: usize = 12;
 
 /// What a receiver is looked at with.
 #[derive(Clone, Copy)]
@@ -39,13 +66,21 @@ pub(super) struct Look<'a> {
     pub(super) outlook: Outlook<'a>,
     pub(super) excluded: &'a [u32],
     pub(super) tile: Tile<'a>,
+    /// Whether all groups have been searched for the whole tile.
+    pub(super) is_searched: bool,
     pub(super) skips: Skips,
 }
 
 impl Tracer {
-    /// Begins with another tile.
-    pub(super) fn begin(&mut self) {
-        self.credit = CREDIT;
+    /// Begins with another tile of so many receivers.
+    pub(super) fn begin(&mut self, edges: &DualBvh, receivers: usize) {
+        let work = SAVED * (edges.groups() as f64 * edges.edge_count() as f64).sqrt();
+        self.credit = (RISK * work * receivers as f64) as i64;
+        self.sharing.resize(edges.groups(), Default::default());
+        self.tile = self.tile.checked_add(1).unwrap_or_else(|| {
+            self.sharing.fill(Default::default());
+            1
+        });
     }
 
     pub(super) fn spans(&self) -> &Spans {
@@ -58,8 +93,7 @@ impl Tracer {
 
     /// What a receiver sees; candidates are searched where they are needed.
     pub(super) fn trace(&mut self, look: Look, candidates: &mut Candidates, contours: &mut Contours) -> Sight {
-        self.counts = Counts::default();
-        let Outlook { meridians, frame, position, .. } = look.outlook;
+        let Outlook { meridians, frame, position, normal } = look.outlook;
         let mut depths = SmallVec::<[(u32, i32); 8]>::new();
         faces_at_start(look.faces, meridians, frame, position, look.excluded, |face, covers| {
             let group = look.edges.group_of(face);
@@ -69,12 +103,19 @@ impl Tracer {
             }
         });
         let depth: i32 = depths.iter().map(|(_, depth)| depth).sum();
-        let is_one = look.edges.groups() < 2;
-        if is_one {
-            (0..look.edges.groups() as u32).for_each(|group| self.choose(group, look, candidates, contours));
-        } else {
-            self.cover(&depths, look, candidates, contours);
+        // Without a horizon the isolines end in one direction, and must agree there on everything.
+        let is_walk = look.skips.hidden_bodies && normal.is_some() && look.edges.groups() > 1 && self.credit >= 0;
+        if is_walk && self.walk(&depths, look, candidates, contours) {
+            if self.counts.above == 0 && look.skips.enclosed_receivers {
+                return Sight::Enclosed;
+            }
+            self.gaps.finish(&mut self.spans);
+            return Sight::Part(Sweep { lines: meridians.len(), depth_alarms: 0 });
         }
+
+        self.crossings.clear();
+        (0..look.edges.groups() as u32).for_each(|group| self.choose(group, look, candidates, contours));
+        self.counts = self.crossings.counts();
         let sight = match (self.counts.above, depth) {
             (0, 0) => Some((Sight::Open, look.skips.open_receivers)),
             (0, _) => Some((Sight::Enclosed, look.skips.enclosed_receivers)),
@@ -83,77 +124,70 @@ impl Tracer {
         if let Some((sight, true)) = sight {
             return sight;
         }
-        let sweep = if is_one {
-            self.crossings.cross(look.outlook, candidates);
-            meridians::sweep(look.outlook, &mut self.crossings, depth, &mut self.spans)
-        } else {
-            self.gaps.finish(&mut self.spans)
-        };
+        self.crossings.cross(look.outlook, candidates);
+        let sweep = meridians::sweep(look.outlook, &mut self.crossings, depth, &mut self.spans);
         sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
     }
 
-    /// Finds the contours of a group, searching it if this is the tile's first receiver for which it matters.
+    /// Chooses the contours of a group, searching it if that has not been done.
     fn choose(&mut self, group: u32, look: Look, candidates: &mut Candidates, contours: &mut Contours) {
-        if candidates.part(group).is_none() {
-            look.edges.search_group(group, &look.tile, candidates);
-        }
+        let sharing = self.search(group, look, candidates);
         let Some(part) = candidates.part(group) else { unreachable!("the group has been searched") };
         candidates.contours_in(part, look.outlook.position, look.excluded, contours);
+        if sharing == Sharing::Unknown {
+            self.sharing[group as usize].1 = Sharing::Once(contours.edges().len());
+        }
         self.crossings.choose(look.outlook, candidates, part, contours, !look.skips.between_isolines);
-        self.counts += self.crossings.counts();
     }
 
-    /// Puts the groups before the isolines: those that cover their start first, then from near to far, leaving out what meets no
-    /// gap.
-    fn cover(&mut self, depths: &[(u32, i32)], look: Look, candidates: &mut Candidates, contours: &mut Contours) {
-        let groups = look.edges.groups();
-        self.gaps.reset(look.outlook);
-        self.entered.resize(groups, 0);
-        self.receiver = self.receiver.wrapping_add(1);
-        if self.receiver == 0 {
-            self.entered.fill(0);
-            self.receiver = 1;
+    /// Searches a group unless that has been done. Unknown remains how it is shared if this is the first look at what is near.
+    fn search(&mut self, group: u32, look: Look, candidates: &mut Candidates) -> Sharing {
+        if look.is_searched {
+            return Sharing::Shared;
         }
-        for &(group, depth) in depths {
-            self.enter(group, depth, look, candidates, contours);
+        let (tile, sharing) = &mut self.sharing[group as usize];
+        if *tile != self.tile {
+            let Tile { center, radius, .. } = look.tile;
+            let distance = distance_squared(look.edges.group_boxes()[0][group as usize], center.as_vec3());
+            (*tile, *sharing) = (self.tile, Sharing::Unknown);
+            if f64::from(distance) > radius * radius {
+                *sharing = Sharing::Shared;
+                look.edges.search_group(group, &look.tile, candidates);
+            }
+        } else if let Sharing::Once(contours) = *sharing {
+            let is_few = look.edges.search_few(group, &look.tile, MANY + EXCESS * contours, candidates);
+            *sharing = if is_few { Sharing::Shared } else { Sharing::Alone };
         }
-        // A probe's isolines end in one direction, and must agree there on everything.
-        let mut is_complete = !look.skips.hidden_bodies || look.outlook.normal.is_none() || self.credit < 0;
-        if !is_complete {
-            is_complete = !self.walk(look, candidates, contours);
-            let is_open = self.counts.above == 0 && depths.iter().all(|&(_, depth)| depth == 0);
-            // Nothing above the horizon must have been missed between the isolines.
-            is_complete |= is_open;
+        if *sharing != Sharing::Shared {
+            let Outlook { position, normal, .. } = look.outlook;
+            let horizon = if look.skips.below_horizon { normal } else { None };
+            let lone = Tile::lone(position, horizon).with_faces(look.excluded);
+            look.edges.search_group(group, &lone, candidates);
         }
-        if is_complete {
-            self.counts.hidden = 0;
-            (0..groups as u32).for_each(|group| self.enter(group, 0, look, candidates, contours));
-        }
+        *sharing
     }
 
-    /// Puts a group before the isolines unless that has been done.
-    fn enter(
+    /// Puts the groups before the isolines: those that cover their start first, then those that meet gaps, from near to far, and
+    /// leaves out the others; when this has cost more than it has saved, all that are left at once. Returns whether what it has
+    /// found stands: not if the bookkeeping failed, nor if the receiver may see everything, for nothing that lies between two
+    /// isolines must have been missed then.
+    fn walk(
         &mut self,
-        group: u32,
-        depth: i32,
+        depths: &[(u32, i32)],
         look: Look,
         candidates: &mut Candidates,
         contours: &mut Contours,
-    ) {
-        if std::mem::replace(&mut self.entered[group as usize], self.receiver) == self.receiver {
-            return;
+    ) -> bool {
+        self.counts = Counts::default();
+        self.gaps.reset(look.outlook);
+        self.entered.resize(look.edges.groups(), 0);
+        self.receiver = self.receiver.checked_add(1).unwrap_or_else(|| {
+            self.entered.fill(0);
+            1
+        });
+        for &(group, depth) in depths {
+            self.enter(group..group + 1, depth, look, candidates, contours);
         }
-        self.choose(group, look, candidates, contours);
-        if let Some(open) = self.gaps.open() {
-            self.crossings.drop_covered(open, look.outlook.meridians.len());
-        }
-        self.crossings.cross(look.outlook, candidates);
-        self.gaps.cover(&mut self.crossings, depth);
-    }
-
-    /// Enters the groups that meet gaps, from near to far. Returns whether it got through: it gives up if its tests cost more than
-    /// they save.
-    fn walk(&mut self, look: Look, candidates: &mut Candidates, contours: &mut Contours) -> bool {
         let boxes = look.edges.group_boxes();
         let p = look.outlook.position.as_vec3();
         self.front.take(look.outlook, &self.gaps);
@@ -163,20 +197,48 @@ impl Tracer {
             if level == 0 && self.entered[index as usize] == self.receiver {
                 continue;
             }
-            self.credit -= TEST + self.front.len() as i64 / 8;
             if self.credit < 0 {
-                return false;
+                self.enter(0..look.edges.groups() as u32, 0, look, candidates, contours);
+                self.counts.hidden = 0;
+                break;
             }
+            self.credit -= (TEST + self.front.len() / 8) as i64;
             if !self.front.meets(look.outlook, boxes[level][index as usize]) {
                 self.hide(level, index, look.edges);
             } else if level == 0 {
-                self.enter(index, 0, look, candidates, contours);
+                self.enter(index..index + 1, 0, look, candidates, contours);
                 self.front.take(look.outlook, &self.gaps);
             } else {
                 self.push_children(level - 1, index, &boxes[level - 1], p);
             }
         }
-        true
+        let is_open = self.counts.above == 0 && depths.is_empty();
+        !self.gaps.is_negative() && !is_open
+    }
+
+    /// Puts those of some groups before the isolines for which that has not been done.
+    fn enter(
+        &mut self,
+        groups: Range<u32>,
+        depth: i32,
+        look: Look,
+        candidates: &mut Candidates,
+        contours: &mut Contours,
+    ) {
+        self.crossings.clear();
+        for group in groups {
+            if std::mem::replace(&mut self.entered[group as usize], self.receiver) != self.receiver {
+                self.choose(group, look, candidates, contours);
+            }
+        }
+        self.counts += self.crossings.counts();
+        let lines = look.outlook.meridians.len();
+        if let Some(open) = self.gaps.open() {
+            self.crossings.drop_covered(open, lines);
+        }
+        self.crossings.cross(look.outlook, candidates);
+        self.gaps.cover(&mut self.crossings, depth);
+        self.credit -= (lines / 8 + CUT * self.crossings.lines().len()) as i64;
     }
 
     /// Counts the groups in a box that cannot be seen.

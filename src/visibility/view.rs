@@ -90,11 +90,11 @@ impl Viewer<'_> {
     pub fn approach<'r>(&self, receivers: impl Iterator<Item = Receiver<'r>> + Clone, view: &mut View) {
         view.excluded.clear();
         view.excluded.extend(receivers.clone().flat_map(|r| r.excluded));
+        view.tracer.begin(self.edges, receivers.clone().count());
         let tile = Tile::new(receivers.map(|r| (r.position, r.normal)));
         view.tile = Some(tile);
         view.is_searched = false;
         self.edges.begin(&tile.with_faces(&view.excluded), &mut view.candidates);
-        view.tracer.begin();
     }
 
     /// Searches all edges that may be contours for any of the receivers approached.
@@ -135,7 +135,15 @@ impl Viewer<'_> {
         let Receiver { position, normal, excluded } = receiver;
         let outlook = Outlook { meridians, frame, position, normal };
         let tile = view.tile.unwrap_or(Tile::lone(position, normal)).with_faces(&view.excluded);
-        let look = Look { edges: self.edges, faces: self.faces, outlook, excluded, tile, skips };
+        let look = Look {
+            edges: self.edges,
+            faces: self.faces,
+            outlook,
+            excluded,
+            tile,
+            is_searched: view.is_searched,
+            skips,
+        };
         view.tracer.trace(look, &mut view.candidates, &mut view.contours)
     }
 

@@ -142,7 +142,13 @@ pub(in crate::visibility) struct Outlook<'a> {
 }
 
 impl Crossings {
-    /// Places the contours of a group between the isolines and keeps those that cross some; with `between`, the others too.
+    /// Forgets all contours.
+    pub(in crate::visibility) fn clear(&mut self) {
+        self.chords.clear();
+        self.counts = Counts::default();
+    }
+
+    /// Places the contours of a group between the isolines and adds those that cross some; with `between`, the others too.
     pub(in crate::visibility) fn choose(
         &mut self,
         outlook: Outlook,
@@ -181,7 +187,7 @@ impl Crossings {
         contours: &Contours,
         between: bool,
     ) {
-        fill(&mut self.places, candidates, part.vertices.clone(), outlook);
+        fill(&mut self.places, candidates, part, contours, outlook);
         self.keep(candidates, contours, between);
     }
 
@@ -245,22 +251,24 @@ impl Crossings {
     fn keep(&mut self, candidates: &Candidates, contours: &Contours, between: bool) {
         let (edges, contours) = (candidates.edges(), contours.edges());
         let places = &*self.places;
-        self.chords.resize(contours.len() + 1, Chord::default());
+        let old = self.chords.len();
+        self.chords.resize(old + contours.len() + 1, Chord::default());
+        let chords = &mut self.chords[old..];
         let (mut count, mut below, mut crossing) = (0, 0, 0);
         for contour in contours {
             let edge = &edges[contour.edge as usize];
             let (a, b) = (places[edge.a as usize], places[edge.b as usize]);
             let is_below = a & b & BELOW != 0;
             // All are written, those that cross stay: which they are is hard to predict.
-            self.chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
+            chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
             let crosses = ((a ^ b) & !BELOW != 0) & !is_below;
             count += usize::from(crosses | between);
             crossing += usize::from(crosses);
             below += usize::from(is_below);
         }
-        self.chords.truncate(count);
+        self.chords.truncate(old + count);
         let above = contours.len() - below;
-        self.counts = Counts { above, below, between: above - crossing, hidden: 0 };
+        self.counts += Counts { above, below, between: above - crossing, hidden: 0 };
     }
 
     /// The circles of all chords, four at a time.

@@ -81,27 +81,33 @@ impl Front {
     }
 
     /// A sector misses a box on one side of its plane, before its first ray, or behind its last one.
+    /// A sector misses a box on one side of its plane, before its first ray, or behind its last one.
     #[inline(always)]
-    fn meets_inline(&self, Look { centre, edges, margin }: &Look) -> bool {
-        let lanes = |values: &[f32], at: usize| -> [f32; LANES] {
-            values[at..at + LANES].try_into().expect("there are whole lanes of sectors")
-        };
-        for at in (0..self.len()).step_by(LANES) {
-            let [cos, sin] = [&self.cos, &self.sin].map(|values| lanes(values, at));
-            let begin = self.begin.each_ref().map(|values| lanes(values, at));
-            let end = self.end.each_ref().map(|values| lanes(values, at));
-            let mut met = [false; LANES];
+    #[expect(clippy::needless_range_loop, reason = "lane by lane, over several arrays")]
+    fn meets_inline(&self, Look { centre, edges: [e, f, g], margin }: &Look) -> bool {
+        let ([begin_cos, begin_sin], [end_cos, end_sin]) = (&self.begin, &self.end);
+        let (cos, sin) = (self.cos.chunks_exact(LANES), self.sin.chunks_exact(LANES));
+        let begin = begin_cos.chunks_exact(LANES).zip(begin_sin.chunks_exact(LANES));
+        let end = end_cos.chunks_exact(LANES).zip(end_sin.chunks_exact(LANES));
+        for ((cos, sin), ((begin_cos, begin_sin), (end_cos, end_sin))) in cos.zip(sin).zip(begin.zip(end)) {
+            let mut apart = [0.0f32; LANES];
             for j in 0..LANES {
                 let across = |v: &Vec3| cos[j] * v.y - sin[j] * v.x;
                 let out = |v: &Vec3| cos[j] * v.x + sin[j] * v.y;
-                let side = across(centre).abs() - edges.iter().map(|e| across(e).abs()).sum::<f32>();
-                let before = |v: &Vec3| begin[1][j] * out(v) - begin[0][j] * v.z;
-                let first = before(centre) - edges.iter().map(|e| before(e).abs()).sum::<f32>();
-                let behind = |v: &Vec3| end[0][j] * v.z - end[1][j] * out(v);
-                let last = behind(centre) - edges.iter().map(|e| behind(e).abs()).sum::<f32>();
-                met[j] = !(side.max(first).max(last) > *margin);
+                let before = |v: &Vec3| begin_sin[j] * out(v) - begin_cos[j] * v.z;
+                let behind = |v: &Vec3| end_cos[j] * v.z - end_sin[j] * out(v);
+                let side = across(centre).abs() - (across(e).abs() + across(f).abs() + across(g).abs());
+                let first = before(centre) - (before(e).abs() + before(f).abs() + before(g).abs());
+                let last = behind(centre) - (behind(e).abs() + behind(f).abs() + behind(g).abs());
+                apart[j] = if side > first { side } else { first };
+                apart[j] = if apart[j] > last { apart[j] } else { last };
             }
-            if met.iter().fold(false, |any, met| any | met) {
+            let mut met = false;
+            for j in 0..LANES {
+                // What is no number, of coordinates near the largest ones, may be anywhere.
+                met |= !(apart[j] > *margin);
+            }
+            if met {
                 return true;
             }
         }

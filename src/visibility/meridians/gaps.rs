@@ -1,24 +1,19 @@
 use smallvec::SmallVec;
 
-use super::sweep::{TIE, angle, follow, horizons};
+use super::sweep::{are_apart, follow, horizons};
 use super::{Crossings, Outlook, Spans};
-use crate::visibility::Sweep;
 
 /// What is still uncovered of the isolines of one receiver, while one group of bodies after another is put before them.
 ///
-/// The order does not matter: what is left in the end is where no group covers, and its ends are crossings as they are.
+/// The order does not matter: what is left in the end is where no group covers, cut at all crossings in it.
 #[derive(Clone, Debug, Default)]
 pub(in crate::visibility) struct Gaps {
     /// Tangents of the latitudes where the gaps of each isoline begin and end, in turn and ascending.
     lines: Vec<SmallVec<[f64; 4]>>,
     /// Where the isolines meet the horizon.
     horizons: Vec<f64>,
-    /// Whether all that happens is followed on covered isolines, too: without a horizon all end in one direction.
-    is_sphere: bool,
-    /// Where a group's depth complexity was negative: isoline, begin and end.
-    negative: Vec<(usize, f64, f64)>,
-    /// Isolines at whose end a group's depth complexity was another than at the other ends.
-    differing: usize,
+    /// Whether a group's depth complexity was negative, but for ties.
+    is_negative: bool,
     /// Number of isolines with gaps before each one, twice around the sphere.
     open: Vec<u32>,
     free: Vec<f64>,
@@ -30,22 +25,21 @@ impl Gaps {
     pub(in crate::visibility) fn reset(&mut self, outlook: Outlook) {
         self.horizons.clear();
         self.horizons.extend(horizons(outlook));
-        let count = self.horizons.len();
-        self.lines.resize(count, SmallVec::new());
+        self.lines.resize(self.horizons.len(), SmallVec::new());
         for (gaps, &horizon) in self.lines.iter_mut().zip(&self.horizons) {
             gaps.clear();
             gaps.extend_from_slice(&[-Spans::POLE, horizon]);
         }
-        self.is_sphere = outlook.normal.is_none();
-        self.negative.clear();
-        self.differing = 0;
+        self.is_negative = false;
     }
 
-    /// How many of the isolines before each one have gaps, twice around the sphere; nothing while that makes no difference.
+    /// Whether a group's depth complexity was negative somewhere: failed bookkeeping.
+    pub(in crate::visibility) fn is_negative(&self) -> bool {
+        self.is_negative
+    }
+
+    /// How many of the isolines before each one have gaps, twice around the sphere; nothing while all have.
     pub(in crate::visibility) fn open(&mut self) -> Option<&[u32]> {
-        if self.is_sphere {
-            return None;
-        }
         let mut count = 0;
         self.open.clear();
         self.open.extend(self.lines.iter().chain(&self.lines).map(|gaps| {
@@ -63,7 +57,7 @@ impl Gaps {
         lines.flat_map(|(line, gaps)| gaps.chunks_exact(2).map(move |gap| (line, gap[0], gap[1])))
     }
 
-    /// Puts a group before the isolines that covers their start `depth` times, with its crossings.
+    /// Puts groups before the isolines that cover their start `depth` times, with their crossings.
     pub(in crate::visibility) fn cover(&mut self, crossings: &mut Crossings, depth: i32) {
         let crossed = crossings.lines();
         if depth > 0 {
@@ -71,40 +65,32 @@ impl Gaps {
             let after = &mut rest[crossed.len()..];
             before.iter_mut().chain(after).for_each(SmallVec::clear);
         }
-        let mut last = (crossed.len() < self.lines.len()).then_some(depth);
         for line in crossed {
-            if self.lines[line].is_empty() && !self.is_sphere {
-                continue;
-            }
-            self.free.clear();
-            let negative = |from: f64, to: f64| self.negative.push((line, from, to));
-            let end = follow(crossings.sorted(line), depth, self.horizons[line], &mut self.free, negative);
-            self.differing += usize::from(self.is_sphere && *last.get_or_insert(end) != end);
             let gaps = &mut self.lines[line];
             if gaps.is_empty() {
                 continue;
             }
+            self.free.clear();
+            follow(crossings.sorted(line), depth, self.horizons[line], |from, to, depth| {
+                self.free.extend([from, to]);
+                self.is_negative |= depth < 0 && are_apart(from, to);
+            });
             intersection(gaps, &self.free, &mut self.cut);
             gaps.clear();
             gaps.extend_from_slice(&self.cut);
         }
     }
 
-    /// What is left, and what was noticed: only what is left tells whether a negative depth complexity does any harm.
-    pub(in crate::visibility) fn finish(&self, spans: &mut Spans) -> Sweep {
-        let Spans { starts, ends } = spans;
-        starts.clear();
-        ends.clear();
+    /// What is left.
+    pub(in crate::visibility) fn finish(&self, spans: &mut Spans) {
+        spans.clear();
         for gaps in &self.lines {
-            starts.push(ends.len() as u32);
-            ends.extend_from_slice(gaps);
+            spans.begin_line();
+            for gap in gaps.chunks_exact(2) {
+                spans.add(gap[0], gap[1]);
+            }
         }
-        starts.push(ends.len() as u32);
-        let harms = |&&(line, from, to): &&(usize, f64, f64)| {
-            self.lines[line].chunks_exact(2).any(|gap| angle(from.max(gap[0]), to.min(gap[1])) > TIE)
-        };
-        let depth_alarms = self.differing + self.negative.iter().filter(harms).count();
-        Sweep { lines: self.lines.len(), depth_alarms }
+        spans.end();
     }
 }
 

@@ -1,4 +1,3 @@
-use super::IN_HORIZON;
 use super::crossings::{Crossings, FARTHEST, Outlook, crossing};
 use crate::visibility::Sweep;
 
@@ -6,9 +5,9 @@ use crate::visibility::Sweep;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spans {
     /// Number of ends before each isoline, with an end mark.
-    pub(super) starts: Vec<u32>,
+    starts: Vec<u32>,
     /// Tangents of the latitudes where spans begin and end, in turn and ascending along each isoline.
-    pub(super) ends: Vec<f64>,
+    ends: Vec<f64>,
 }
 
 impl Spans {
@@ -25,6 +24,35 @@ impl Spans {
         spans
     }
 
+    pub(super) fn clear(&mut self) {
+        self.starts.clear();
+        self.ends.clear();
+    }
+
+    /// What is added from now on belongs to the next isoline.
+    pub(super) fn begin_line(&mut self) {
+        self.starts.push(self.ends.len() as u32);
+    }
+
+    /// Adds a part beyond all others of its isoline, unless it is a tie; returns whether it is none. Parts without anything between
+    /// them become one.
+    #[inline(always)]
+    pub(super) fn add(&mut self, from: f64, to: f64) -> bool {
+        let is_apart = are_apart(from, to);
+        if is_apart {
+            let first = self.starts.last().map_or(0, |&start| start as usize);
+            match self.ends[first..].last_mut() {
+                Some(last) if *last == from => *last = to,
+                _ => self.ends.extend([from, to]),
+            }
+        }
+        is_apart
+    }
+
+    pub(super) fn end(&mut self) {
+        self.begin_line();
+    }
+
     /// Tangents of the latitudes where visible spans begin and end, for all isolines one after another.
     pub fn ends(&self) -> &[f64] {
         &self.ends
@@ -36,9 +64,10 @@ impl Spans {
     }
 }
 
-/// Negative depth complexity over less than this angle is two crossings at one place sorted by their rounding errors; a wrong
-/// base or a lost edge shows over whole spans.
-pub(super) const TIE: f64 = 1e-9;
+/// Crossings within this angle of each other may have been sorted by their rounding errors, and W between them may be wrong by
+/// one or the other surface: nothing is seen there, nor is it an alarm if W is negative. A wrong base or a lost edge shows over
+/// whole spans.
+const TIE: f64 = 1e-9;
 
 /// Follows the depth complexity W along every isoline, from `depth` at its start down to the horizon, if there is one, and notes
 /// where nothing is crossed.
@@ -50,20 +79,20 @@ pub(in crate::visibility) fn sweep(
     depth: i32,
     spans: &mut Spans,
 ) -> Sweep {
-    let Spans { starts, ends } = spans;
-    starts.clear();
-    ends.clear();
+    spans.clear();
     let mut seen = Sweep { lines: outlook.meridians.len(), depth_alarms: 0 };
     let mut last = None;
     for (line, horizon) in horizons(outlook).enumerate() {
-        starts.push(ends.len() as u32);
+        spans.begin_line();
         let mut is_below = false;
-        let end = follow(crossings.sorted(line), depth, horizon, ends, |_, _| is_below = true);
+        let end = follow(crossings.sorted(line), depth, horizon, |from, to, depth| {
+            is_below |= spans.add(from, to) && depth < 0;
+        });
         // Whatever an isoline passes on its way around, all end in the same direction.
         let differs = outlook.normal.is_none() && *last.get_or_insert(end) != end;
         seen.depth_alarms += usize::from(is_below || differs);
     }
-    starts.push(ends.len() as u32);
+    spans.end();
     seen
 }
 
@@ -75,45 +104,30 @@ pub(super) fn horizons(outlook: Outlook) -> impl Iterator<Item = f64> {
     lines.map(move |(cos, sin)| normal.map_or(Spans::POLE, |n| (n.x * cos + n.y * sin) / -n.z))
 }
 
-/// Angle between two latitudes on one isoline, or a bit less, by their tangents.
-pub(super) fn angle(from: f64, to: f64) -> f64 {
-    (to - from) / (1.0 + from.abs().min(to.abs()).powi(2))
+/// Whether two latitudes on one isoline, by their tangents, are further apart than ties are.
+#[inline(always)]
+pub(super) fn are_apart(from: f64, to: f64) -> bool {
+    to - from > TIE * (1.0 + from.abs().min(to.abs()).powi(2))
 }
 
-/// Follows W along one isoline up to `end`, and adds where it is zero to `ends`; returns W there. Calls `below` with every part
-/// over which it is negative, but for ties.
+/// Follows W along one isoline up to `end`, and calls `visible` with every part between two crossings where it is not positive, and
+/// with W. Returns W at the end.
 #[inline(always)]
-pub(super) fn follow(
-    keys: &[i64],
-    mut depth: i32,
-    end: f64,
-    ends: &mut Vec<f64>,
-    mut below: impl FnMut(f64, f64),
-) -> i32 {
+pub(super) fn follow(keys: &[i64], mut depth: i32, end: f64, mut visible: impl FnMut(f64, f64, i32)) -> i32 {
     let mut from = -Spans::POLE;
-    let mut since = from;
     for &key in keys {
         let (tangent, jump) = crossing(key);
         // At the pole itself crossings still count.
         if tangent >= end && end < Spans::POLE {
             break;
         }
-        if depth < 0 && angle(since, tangent) > TIE {
-            below(since, tangent);
+        if depth <= 0 {
+            visible(from, tangent, depth);
         }
-        let next = depth + jump;
-        match (depth <= 0, next <= 0) {
-            (true, false) if tangent > from => ends.extend([from, tangent]),
-            (false, true) => from = tangent,
-            _ => {}
-        }
-        (depth, since) = (next, tangent);
+        (depth, from) = (depth + jump, tangent);
     }
-    if depth <= 0 && angle(from, end) > IN_HORIZON {
-        ends.extend([from, end]);
-    }
-    if depth < 0 && angle(since, end) > TIE {
-        below(since, end);
+    if depth <= 0 {
+        visible(from, end, depth);
     }
     depth
 }
