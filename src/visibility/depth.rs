@@ -78,7 +78,12 @@ pub(super) fn faces_at_start(
             let [a, b, c] = faces.corners(face);
             let sign = i32::from(face_sign(position, a, b, c));
             let corners = [a, b, c].map(|x| x.as_dvec3());
-            let places = corners.map(|x| place(frame.apply(x - position), lines));
+            let [u, v, w] = corners.map(|x| frame.apply(x - position));
+            if are_beside_axis(u.x, v.x, w.x) || are_beside_axis(u.y, v.y, w.y) {
+                // Seen from one side of the axis, whatever the rounding, no face lies around it.
+                return ControlFlow::Continue(());
+            }
+            let places = [place(u, lines), place(v, lines), place(w, lines)];
             let mut total = 0;
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
@@ -92,6 +97,13 @@ pub(super) fn faces_at_start(
         }
         ControlFlow::Continue(())
     });
+}
+
+/// Whether three coordinates have one sign, and none is much smaller than the others.
+fn are_beside_axis(a: f64, b: f64, c: f64) -> bool {
+    const MARGIN: f64 = 1e-6;
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    low > MARGIN * high || high < MARGIN * low
 }
 
 /// Counts the depth complexity W in a direction that meets no edge, by a ray that counts every face once.

@@ -14,6 +14,8 @@ use crate::scene::FaceTree;
 pub(super) struct Tracer {
     crossings: Crossings,
     gaps: Gaps,
+    /// Where the isolines meet the horizon.
+    horizons: Vec<f64>,
     front: Front,
     spans: Spans,
     counts: Counts,
@@ -125,7 +127,8 @@ impl Tracer {
             return sight;
         }
         self.crossings.cross(look.outlook, candidates);
-        let sweep = meridians::sweep(look.outlook, &mut self.crossings, depth, &mut self.spans);
+        meridians::horizons(look.outlook, &mut self.horizons);
+        let sweep = meridians::sweep(look.outlook, &mut self.crossings, depth, &self.horizons, &mut self.spans);
         sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
     }
 
@@ -167,8 +170,8 @@ impl Tracer {
         *sharing
     }
 
-    /// Puts the groups before the isolines: those that cover their start first, then those that meet gaps, from near to far, and
-    /// leaves out the others; when this has cost more than it has saved, all that are left at once. Returns whether what it has
+    /// Puts the groups that meet gaps before the isolines, those that cover their start first, then from near to far, and leaves out
+    /// the others; when this has cost more than it has saved, all that are left at once. Returns whether what it has
     /// found stands: not if the bookkeeping failed, nor if the receiver may see everything, for nothing that lies between two
     /// isolines must have been missed then.
     fn walk(
@@ -179,35 +182,40 @@ impl Tracer {
         contours: &mut Contours,
     ) -> bool {
         self.counts = Counts::default();
-        self.gaps.reset(look.outlook);
+        meridians::horizons(look.outlook, &mut self.horizons);
+        self.gaps.reset(&self.horizons);
         self.entered.resize(look.edges.groups(), 0);
         self.receiver = self.receiver.checked_add(1).unwrap_or_else(|| {
             self.entered.fill(0);
             1
         });
-        for &(group, depth) in depths {
-            self.enter(group..group + 1, depth, look, candidates, contours);
-        }
         let boxes = look.edges.group_boxes();
         let p = look.outlook.position.as_vec3();
-        self.front.take(look.outlook, &self.gaps);
         self.stack.clear();
         self.stack.push((boxes.len() - 1, 0));
+        self.stack.extend(depths.iter().rev().map(|&(group, _)| (0, group)));
+        let mut is_taken = false;
         while let Some((level, index)) = self.stack.pop() {
             if level == 0 && self.entered[index as usize] == self.receiver {
                 continue;
             }
             if self.credit < 0 {
-                self.enter(0..look.edges.groups() as u32, 0, look, candidates, contours);
+                self.enter(0..look.edges.groups() as u32, depths, look, candidates, contours);
                 self.counts.hidden = 0;
                 break;
             }
+            // What covers the isolines' start meets them while nothing else has been put before them.
+            let is_first = self.counts == Counts::default() && level == 0;
+            if !is_taken && !is_first {
+                self.front.take(look.outlook, &self.gaps);
+                is_taken = true;
+            }
             self.credit -= (TEST + self.front.len() / 8) as i64;
-            if !self.front.meets(look.outlook, boxes[level][index as usize]) {
+            if !is_first && !self.front.meets(look.outlook, boxes[level][index as usize]) {
                 self.hide(level, index, look.edges);
             } else if level == 0 {
-                self.enter(index..index + 1, 0, look, candidates, contours);
-                self.front.take(look.outlook, &self.gaps);
+                self.enter(index..index + 1, depths, look, candidates, contours);
+                is_taken = false;
             } else {
                 self.push_children(level - 1, index, &boxes[level - 1], p);
             }
@@ -220,15 +228,17 @@ impl Tracer {
     fn enter(
         &mut self,
         groups: Range<u32>,
-        depth: i32,
+        depths: &[(u32, i32)],
         look: Look,
         candidates: &mut Candidates,
         contours: &mut Contours,
     ) {
         self.crossings.clear();
+        let mut depth = 0;
         for group in groups {
             if std::mem::replace(&mut self.entered[group as usize], self.receiver) != self.receiver {
                 self.choose(group, look, candidates, contours);
+                depth += depths.iter().find(|(of, _)| *of == group).map_or(0, |&(_, depth)| depth);
             }
         }
         self.counts += self.crossings.counts();
@@ -237,7 +247,7 @@ impl Tracer {
             self.crossings.drop_covered(open, lines);
         }
         self.crossings.cross(look.outlook, candidates);
-        self.gaps.cover(&mut self.crossings, depth);
+        self.gaps.cover(&mut self.crossings, depth, &self.horizons);
         self.credit -= (lines / 8 + CUT * self.crossings.lines().len()) as i64;
     }
 

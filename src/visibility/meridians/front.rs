@@ -32,29 +32,28 @@ const LANES: usize = 8;
 impl Front {
     /// Takes the gaps as they are now.
     pub(in crate::visibility) fn take(&mut self, outlook: Outlook, gaps: &Gaps) {
-        let [begin_cos, begin_sin] = &mut self.begin;
-        let [end_cos, end_sin] = &mut self.end;
-        for lanes in [&mut self.cos, &mut self.sin, begin_cos, begin_sin, end_cos, end_sin] {
-            lanes.clear();
+        let ([begin_cos, begin_sin], [end_cos, end_sin]) = (&mut self.begin, &mut self.end);
+        let count = gaps.count();
+        let lanes = count.next_multiple_of(LANES);
+        for values in [&mut self.cos, &mut self.sin, &mut *begin_cos, &mut *begin_sin, &mut *end_cos, &mut *end_sin] {
+            values.resize(lanes, 0.0);
         }
-        for (line, begin, end) in gaps.iter() {
-            self.cos.push(outlook.meridians.cos[line] as f32);
-            self.sin.push(outlook.meridians.sin[line] as f32);
-            begin_sin.push(begin as f32);
-            end_sin.push(end as f32);
+        for (at, (line, begin, end)) in gaps.iter().enumerate() {
+            self.cos[at] = outlook.meridians.cos[line] as f32;
+            self.sin[at] = outlook.meridians.sin[line] as f32;
+            begin_sin[at] = begin as f32;
+            end_sin[at] = end as f32;
         }
-        // The last sector is repeated until all lanes are full.
-        for lanes in [&mut self.cos, &mut self.sin, begin_sin, end_sin] {
-            if let Some(&last) = lanes.last() {
-                lanes.resize(lanes.len().next_multiple_of(LANES), last);
+        for values in [&mut self.cos, &mut self.sin, &mut *begin_sin, &mut *end_sin] {
+            // The last sector is repeated until all lanes are full.
+            if let Some(last) = count.checked_sub(1) {
+                let last = values[last];
+                values[count..].fill(last);
             }
         }
-        for (cos, sin) in [(begin_cos, begin_sin), (end_cos, end_sin)] {
-            cos.resize(sin.len(), 0.0);
-            for (cos, sin) in cos.iter_mut().zip(sin) {
-                *cos = 1.0 / (1.0 + *sin * *sin).sqrt();
-                *sin *= *cos;
-            }
+        for (cos, sin) in begin_cos.iter_mut().zip(begin_sin).chain(end_cos.iter_mut().zip(end_sin)) {
+            *cos = 1.0 / (1.0 + *sin * *sin).sqrt();
+            *sin *= *cos;
         }
     }
 

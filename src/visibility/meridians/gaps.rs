@@ -1,7 +1,7 @@
 use smallvec::SmallVec;
 
-use super::sweep::{are_apart, follow, horizons};
-use super::{Crossings, Outlook, Spans};
+use super::sweep::{are_apart, follow};
+use super::{Crossings, Spans};
 
 /// What is still uncovered of the isolines of one receiver, while one group of bodies after another is put before them.
 ///
@@ -10,8 +10,6 @@ use super::{Crossings, Outlook, Spans};
 pub(in crate::visibility) struct Gaps {
     /// Tangents of the latitudes where the gaps of each isoline begin and end, in turn and ascending.
     lines: Vec<SmallVec<[f64; 4]>>,
-    /// Where the isolines meet the horizon.
-    horizons: Vec<f64>,
     /// Whether a group's depth complexity was negative, but for ties.
     is_negative: bool,
     /// Number of isolines with gaps before each one, twice around the sphere.
@@ -21,12 +19,10 @@ pub(in crate::visibility) struct Gaps {
 }
 
 impl Gaps {
-    /// Everything above the horizon.
-    pub(in crate::visibility) fn reset(&mut self, outlook: Outlook) {
-        self.horizons.clear();
-        self.horizons.extend(horizons(outlook));
-        self.lines.resize(self.horizons.len(), SmallVec::new());
-        for (gaps, &horizon) in self.lines.iter_mut().zip(&self.horizons) {
+    /// Everything above the [horizon](super::horizons).
+    pub(in crate::visibility) fn reset(&mut self, horizons: &[f64]) {
+        self.lines.resize(horizons.len(), SmallVec::new());
+        for (gaps, &horizon) in self.lines.iter_mut().zip(horizons) {
             gaps.clear();
             gaps.extend_from_slice(&[-Spans::POLE, horizon]);
         }
@@ -40,15 +36,22 @@ impl Gaps {
 
     /// How many of the isolines before each one have gaps, twice around the sphere; nothing while all have.
     pub(in crate::visibility) fn open(&mut self) -> Option<&[u32]> {
+        let lines = self.lines.len();
+        self.open.resize(2 * lines + 1, 0);
+        let (once, twice) = self.open.split_at_mut(lines);
         let mut count = 0;
-        self.open.clear();
-        self.open.extend(self.lines.iter().chain(&self.lines).map(|gaps| {
-            let before = count;
+        for (before, gaps) in once.iter_mut().zip(&self.lines) {
+            *before = count;
             count += u32::from(!gaps.is_empty());
-            before
-        }));
-        self.open.push(count);
-        (count < 2 * self.lines.len() as u32).then_some(&*self.open)
+        }
+        twice.iter_mut().zip(once).for_each(|(after, before)| *after = *before + count);
+        twice[lines] = 2 * count;
+        (count < lines as u32).then_some(&*self.open)
+    }
+
+    /// Number of gaps.
+    pub(super) fn count(&self) -> usize {
+        self.lines.iter().map(|gaps| gaps.len() / 2).sum()
     }
 
     /// The gaps of all isolines: number of the isoline, begin and end.
@@ -58,7 +61,7 @@ impl Gaps {
     }
 
     /// Puts groups before the isolines that cover their start `depth` times, with their crossings.
-    pub(in crate::visibility) fn cover(&mut self, crossings: &mut Crossings, depth: i32) {
+    pub(in crate::visibility) fn cover(&mut self, crossings: &mut Crossings, depth: i32, horizons: &[f64]) {
         let crossed = crossings.lines();
         if depth > 0 {
             let (before, rest) = self.lines.split_at_mut(crossed.start);
@@ -71,7 +74,7 @@ impl Gaps {
                 continue;
             }
             self.free.clear();
-            follow(crossings.sorted(line), depth, self.horizons[line], |from, to, depth| {
+            follow(crossings.sorted(line), depth, horizons[line], |from, to, depth| {
                 self.free.extend([from, to]);
                 self.is_negative |= depth < 0 && are_apart(from, to);
             });

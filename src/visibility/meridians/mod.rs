@@ -17,7 +17,7 @@ pub(super) use crossings::{Crossings, Outlook, Way};
 pub(super) use front::{Front, distance_squared};
 pub(super) use gaps::Gaps;
 pub use sweep::Spans;
-pub(super) use sweep::sweep;
+pub(super) use sweep::{horizons, sweep};
 pub(super) use vertices::place;
 
 /// Isolines of longitude: half great circles from one pole to the opposite one.

@@ -69,7 +69,7 @@ impl Spans {
 /// whole spans.
 const TIE: f64 = 1e-9;
 
-/// Follows the depth complexity W along every isoline, from `depth` at its start down to the horizon, if there is one, and notes
+/// Follows the depth complexity W along every isoline, from `depth` at its start down to the [horizon](horizons), if there is one, and notes
 /// where nothing is crossed.
 ///
 /// Nowrouzezahrai et al. 2014, section 3.2, with W known from the start instead of shifted to a minimum of zero.
@@ -77,12 +77,13 @@ pub(in crate::visibility) fn sweep(
     outlook: Outlook,
     crossings: &mut Crossings,
     depth: i32,
+    horizons: &[f64],
     spans: &mut Spans,
 ) -> Sweep {
     spans.clear();
     let mut seen = Sweep { lines: outlook.meridians.len(), depth_alarms: 0 };
     let mut last = None;
-    for (line, horizon) in horizons(outlook).enumerate() {
+    for (line, &horizon) in horizons.iter().enumerate() {
         spans.begin_line();
         let mut is_below = false;
         let end = follow(crossings.sorted(line), depth, horizon, |from, to, depth| {
@@ -97,11 +98,15 @@ pub(in crate::visibility) fn sweep(
 }
 
 /// Tangents of the latitudes where the isolines meet the horizon, or end.
-pub(super) fn horizons(outlook: Outlook) -> impl Iterator<Item = f64> {
+pub(in crate::visibility) fn horizons(outlook: Outlook, out: &mut Vec<f64>) {
     let Outlook { meridians, frame, normal, .. } = outlook;
-    let normal = normal.map(|n| frame.apply(n));
-    let lines = meridians.cos.iter().zip(&meridians.sin);
-    lines.map(move |(cos, sin)| normal.map_or(Spans::POLE, |n| (n.x * cos + n.y * sin) / -n.z))
+    let lines = meridians.len();
+    out.resize(lines, 0.0);
+    let Some(n) = normal.map(|n| frame.apply(n)) else { return out.fill(Spans::POLE) };
+    let (cos, sin) = (&meridians.cos[..lines], &meridians.sin[..lines]);
+    for (line, out) in out.iter_mut().enumerate() {
+        *out = (n.x * cos[line] + n.y * sin[line]) / -n.z;
+    }
 }
 
 /// Whether two latitudes on one isoline, by their tangents, are further apart than ties are.
