@@ -352,6 +352,15 @@ mod tests {
     }
 
     #[test]
+    fn wrong_groups_are_found() {
+        assert_eq!(defect(|tree| tree.groups[0].first = 1), Defect::Group { group: 0 });
+        assert_eq!(defect(|tree| tree.boxes[0][0][1].x = 0.5), Defect::Group { group: 0 });
+        assert_eq!(defect(|tree| tree.groups.push(Group::default())), Defect::Group { group: 1 });
+        assert_eq!(defect(|tree| tree.boxes[0].push([Vec3::ZERO; 2])), Defect::Group { group: 1 });
+        assert_eq!(defect(|tree| tree.boxes.push(vec![[Vec3::ZERO; 2]])), Defect::Group { group: 0 });
+    }
+
+    #[test]
     fn a_wrong_shape_is_found() {
         let lost_leaf = defect(|tree| tree.groups[0].balanced.leaves.truncate(3));
         assert!(matches!(lost_leaf, Defect::Shape { .. }));

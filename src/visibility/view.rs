@@ -134,6 +134,9 @@ impl Viewer<'_> {
     ) -> Sight {
         let Receiver { position, normal, excluded } = receiver;
         let outlook = Outlook { meridians, frame, position, normal };
+        if view.tile.is_none() {
+            self.approach(std::iter::once(receiver), view);
+        }
         let tile = view.tile.unwrap_or(Tile::lone(position, normal)).with_faces(&view.excluded);
         let look = Look {
             edges: self.edges,

@@ -129,3 +129,83 @@ impl Look {
 pub(in crate::visibility) fn distance_squared([low, high]: [Vec3; 2], p: Vec3) -> f32 {
     (low - p).max(p - high).max(Vec3::ZERO).length_squared()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::visibility::meridians::{Crossings, horizons};
+    use crate::visibility::{Meridians, Spans};
+
+    /// Whether a ray meets a box.
+    fn is_met(direction: DVec3, position: DVec3, [low, high]: [Vec3; 2]) -> bool {
+        let (a, b) = ((low.as_dvec3() - position) / direction, (high.as_dvec3() - position) / direction);
+        a.min(b).max_element().max(0.0) < a.max(b).min_element()
+    }
+
+    proptest! {
+        /// Whatever a ray in one of the gaps meets is met.
+        #[test]
+        fn no_box_in_a_gap_is_missed(
+            low in prop::array::uniform3(-3f32..3.0),
+            size in prop::array::uniform3(0f32..2.0),
+            position in prop::array::uniform3(-3f64..3.0),
+            normal in prop::array::uniform3(-1f64..1.0),
+        ) {
+            let Some(normal) = DVec3::from(normal).try_normalize() else { return Ok(()) };
+            let meridians = Meridians::new(14).unwrap();
+            let frame = MeridianFrame::facing(Some(normal), false);
+            let position = DVec3::from(position);
+            let outlook = Outlook { meridians: &meridians, frame, position, normal: Some(normal) };
+            let low = Vec3::from(low);
+            let box_ = [low, low + Vec3::from(size)];
+            let (mut ends, mut gaps, mut front) = (Vec::new(), Gaps::default(), Front::default());
+            horizons(outlook, &mut ends);
+            gaps.reset(&ends);
+            front.take(outlook, &gaps);
+            prop_assert_eq!(front.len(), 16);
+            let mut seen = false;
+            for line in 0..meridians.len() {
+                let (sin, cos) = meridians.u(line).sin_cos();
+                let end = ends[line].atan();
+                for step in 0..200 {
+                    let latitude = -0.5 * PI + (end + 0.5 * PI) * (f64::from(step) + 0.5) / 200.0;
+                    let w = DVec3::new(latitude.cos() * cos, latitude.cos() * sin, latitude.sin());
+                    seen |= is_met(frame.axes() * w, position, box_);
+                }
+            }
+            let met = front.meets(outlook, box_);
+            prop_assert!(met || !seen);
+            prop_assert_eq!(met, front.meets_inline(&Look::new(frame, position, box_)));
+            // Nothing covers nothing; something that covers the start and crosses nothing covers all.
+            let mut spans = Spans::default();
+            gaps.cover(&mut Crossings::default(), 0, &ends);
+            gaps.finish(&mut spans);
+            prop_assert_eq!(spans.ends().len(), 28);
+            gaps.cover(&mut Crossings::default(), 1, &ends);
+            front.take(outlook, &gaps);
+            prop_assert!(!front.meets(outlook, box_));
+        }
+    }
+
+    #[test]
+    fn what_lies_beside_the_isolines_or_below_the_horizon_is_not_met() {
+        let meridians = Meridians::new(8).unwrap();
+        let normal = Some(DVec3::Z);
+        let frame = MeridianFrame::facing(normal, false);
+        let outlook = Outlook { meridians: &meridians, frame, position: DVec3::ZERO, normal };
+        let (mut ends, mut gaps, mut front) = (Vec::new(), Gaps::default(), Front::default());
+        horizons(outlook, &mut ends);
+        gaps.reset(&ends);
+        front.take(outlook, &gaps);
+        let at = |w: DVec3, half: f32| [w.as_vec3() - half, w.as_vec3() + half];
+        let along = |u: f64| frame.axes() * DVec3::new(u.cos(), u.sin(), -3.0).normalize();
+        let [on, between] = [meridians.u(3), 0.5 * (meridians.u(3) + meridians.u(4))].map(along);
+        assert!(front.meets(outlook, at(3.0 * on, 0.1)) && !front.meets(outlook, at(3.0 * between, 0.1)));
+        assert!(!front.meets(outlook, at(DVec3::new(0.3, 0.2, -3.0), 0.5)));
+        assert!(front.meets(outlook, at(DVec3::new(0.3, 0.2, 3.0), 0.5)));
+    }
+}
