@@ -93,8 +93,8 @@ impl DualBvh {
         self.search_few(group, tile, usize::MAX, out);
     }
 
-    /// The same, if there are at most so many candidates; returns whether there are.
-    pub fn search_few(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> bool {
+    /// The same, but only if there are at most so many edges that the tree does not rule out; returns their number.
+    pub fn search_few(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> usize {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
@@ -105,7 +105,7 @@ impl DualBvh {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn search_avx2(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> bool {
+    fn search_avx2(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> usize {
         self.search_inline(group, tile, most, out)
     }
 
@@ -126,7 +126,7 @@ impl DualBvh {
     }
 
     #[inline(always)]
-    fn search_inline(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> bool {
+    fn search_inline(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> usize {
         let query = Query::new(tile);
         let mut scratch = std::mem::take(&mut out.scratch);
         scratch.exclude(self, group, tile);
@@ -135,12 +135,12 @@ impl DualBvh {
         let unbalanced = searched.unbalanced_hits(&query, &mut scratch);
         out.nodes_tested += nodes + unbalanced;
         out.edges_tested += edges;
-        let is_few = scratch.hits.len() <= most;
-        if is_few {
+        let count = scratch.hits.len();
+        if count <= most {
             self.collect(group, tile, &mut scratch, out);
         }
         out.scratch = scratch;
-        is_few
+        count
     }
 }
 
@@ -272,7 +272,7 @@ mod tests {
             tree.search(&tile, &mut candidates);
             tree.begin(&tile, &mut portable);
             for group in 0..tree.groups() as u32 {
-                assert!(tree.search_inline(group, &tile, usize::MAX, &mut portable));
+                tree.search_inline(group, &tile, usize::MAX, &mut portable);
             }
             assert!(!candidates.edges().is_empty());
             assert_eq!(candidates.edges(), portable.edges());

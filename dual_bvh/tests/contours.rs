@@ -259,7 +259,10 @@ fn groups_together_have_the_contours_of_all() {
         assert_eq!(found(&candidates), shared);
         let count = candidates.part(group).unwrap().edges.len();
         assert!(count <= before);
-        assert!(tree.search_few(group, &lone, count, &mut candidates));
-        assert!(!tree.search_few(group, &lone, count - 1, &mut candidates));
+        let parts = candidates.parts().len();
+        assert_eq!(tree.search_few(group, &lone, count - 1, &mut candidates), count);
+        assert_eq!(candidates.parts().len(), parts);
+        assert_eq!(tree.search_few(group, &lone, count, &mut candidates), count);
+        assert_eq!(candidates.parts().len(), parts + 1);
     }
 }

@@ -49,14 +49,18 @@ enum Sharing {
     Once(usize),
     /// All share one search.
     Shared,
-    /// Each searches for itself.
-    Alone,
+    /// Each searches for itself: together there would be so many candidates.
+    Alone(usize),
 }
 
-/// A group is searched for each receiver alone if for the tile together there would be more candidates than so many and this many
-/// times the contours of one: those of the body on which they lie, above all, are others for each of them.
-const MANY: usize = 300;
-const EXCESS: usize = 12;
+/// A group is searched for each receiver alone while for the tile together there would be more candidates than so many and this
+/// many times the contours of one: those of the body on which they lie, above all, are others for each of them.
+const MANY: usize = 400;
+const EXCESS: usize = 20;
+
+fn are_too_many(candidates: usize, contours: usize) -> bool {
+    candidates > MANY + EXCESS * contours
+}
 
 /// What a receiver is looked at with.
 #[derive(Clone, Copy)]
@@ -132,19 +136,23 @@ impl Tracer {
 
     /// Chooses the contours of a group, searching it if that has not been done.
     fn choose(&mut self, group: u32, look: Look, candidates: &mut Candidates, contours: &mut Contours) {
-        let sharing = self.search(group, look, candidates);
+        self.search(group, look, candidates);
         let Some(part) = candidates.part(group) else { unreachable!("the group has been searched") };
         candidates.contours_in(part, look.outlook.position, look.excluded, contours);
-        if sharing == Sharing::Unknown {
-            self.sharing[group as usize].1 = Sharing::Once(contours.edges().len());
-        }
+        let (_, sharing) = &mut self.sharing[group as usize];
+        let count = contours.edges().len();
+        *sharing = match *sharing {
+            Sharing::Unknown => Sharing::Once(count),
+            Sharing::Alone(candidates) if !are_too_many(candidates, count) => Sharing::Once(count),
+            other => other,
+        };
         self.crossings.choose(look.outlook, candidates, part, contours, !look.skips.between_isolines);
     }
 
-    /// Searches a group unless that has been done. Unknown remains how it is shared if this is the first look at what is near.
-    fn search(&mut self, group: u32, look: Look, candidates: &mut Candidates) -> Sharing {
+    /// Searches a group unless that has been done.
+    fn search(&mut self, group: u32, look: Look, candidates: &mut Candidates) {
         if look.is_searched {
-            return Sharing::Shared;
+            return;
         }
         let (tile, sharing) = &mut self.sharing[group as usize];
         if *tile != self.tile {
@@ -156,8 +164,8 @@ impl Tracer {
                 look.edges.search_group(group, &look.tile, candidates);
             }
         } else if let Sharing::Once(contours) = *sharing {
-            let is_few = look.edges.search_few(group, &look.tile, MANY + EXCESS * contours, candidates);
-            *sharing = if is_few { Sharing::Shared } else { Sharing::Alone };
+            let count = look.edges.search_few(group, &look.tile, MANY + EXCESS * contours, candidates);
+            *sharing = if are_too_many(count, contours) { Sharing::Alone(count) } else { Sharing::Shared };
         }
         if *sharing != Sharing::Shared {
             let Outlook { position, normal, .. } = look.outlook;
@@ -165,7 +173,6 @@ impl Tracer {
             let lone = Tile::lone(position, horizon).with_faces(look.excluded);
             look.edges.search_group(group, &lone, candidates);
         }
-        *sharing
     }
 
     /// Puts the groups that meet gaps before the isolines, those that cover their start first, then from near to far, and leaves out
