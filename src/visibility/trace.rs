@@ -45,7 +45,7 @@ enum Sharing {
     /// Nobody has looked yet.
     #[default]
     Unknown,
-    /// One has looked for itself, and has found so many.
+    /// One has searched for itself, and has found so many candidates.
     Once(usize),
     /// All share one search.
     Shared,
@@ -54,12 +54,12 @@ enum Sharing {
 }
 
 /// A group is searched for each receiver alone while for the tile together there would be more candidates than so many and this
-/// many times the contours of one: those of the body on which they lie, above all, are others for each of them.
+/// many times those of one: the contours of the body on which they lie, above all, are others for each of them.
 const MANY: usize = 400;
 const EXCESS: usize = 20;
 
-fn are_too_many(candidates: usize, contours: usize) -> bool {
-    candidates > MANY + EXCESS * contours
+fn are_too_many(together: usize, alone: usize) -> bool {
+    together > MANY + EXCESS * alone
 }
 
 /// What a receiver is looked at with.
@@ -140,10 +140,10 @@ impl Tracer {
         let Some(part) = candidates.part(group) else { unreachable!("the group has been searched") };
         candidates.contours_in(part, look.outlook.position, look.excluded, contours);
         let (_, sharing) = &mut self.sharing[group as usize];
-        let count = contours.edges().len();
+        let count = part.edges.len();
         *sharing = match *sharing {
             Sharing::Unknown => Sharing::Once(count),
-            Sharing::Alone(candidates) if !are_too_many(candidates, count) => Sharing::Once(count),
+            Sharing::Alone(together) if !are_too_many(together, count) => Sharing::Once(count),
             other => other,
         };
         self.crossings.choose(look.outlook, candidates, part, contours, !look.skips.between_isolines);
@@ -163,9 +163,9 @@ impl Tracer {
                 *sharing = Sharing::Shared;
                 look.edges.search_group(group, &look.tile, candidates);
             }
-        } else if let Sharing::Once(contours) = *sharing {
-            let count = look.edges.search_few(group, &look.tile, MANY + EXCESS * contours, candidates);
-            *sharing = if are_too_many(count, contours) { Sharing::Alone(count) } else { Sharing::Shared };
+        } else if let Sharing::Once(alone) = *sharing {
+            let together = look.edges.search_few(group, &look.tile, MANY + EXCESS * alone, candidates);
+            *sharing = if are_too_many(together, alone) { Sharing::Alone(together) } else { Sharing::Shared };
         }
         if *sharing != Sharing::Shared {
             let Outlook { position, normal, .. } = look.outlook;
