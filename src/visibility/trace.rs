@@ -29,15 +29,22 @@ pub(super) struct Tracer {
     stack: Vec<(usize, u32)>,
     /// What looking for hidden groups may still cost before it must have saved something.
     credit: i64,
+    /// Number of receivers of a tile for which there is no credit yet.
+    receivers: Option<usize>,
 }
 
 /// Leaving out a group saves work that grows with its contours, which grow like the root of the number of its edges. In units of
 /// a test of eight sectors against a box, a few nanoseconds.
 const SAVED: f64 = 4.0;
+/// What every isoline adds to the work of a group, and to that of a receiver.
+const SAVED_BY_LINE: f64 = 0.5;
+const LINE: f64 = 8.0;
 /// Share of a tile's work that may be risked.
-const RISK: f64 = 1.0 / 16.0;
+const RISK: f64 = 1.0 / 40.0;
 /// What a test costs beside its sectors.
 const TEST: usize = 4;
+/// What it costs to put a group before an isoline after another one, instead of both at once.
+const CUT: usize = 3;
 
 /// How a tile's receivers get at their contours in a group.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -78,8 +85,7 @@ pub(super) struct Look<'a> {
 impl Tracer {
     /// Begins with another tile of so many receivers.
     pub(super) fn begin(&mut self, edges: &DualBvh, receivers: usize) {
-        let work = SAVED * (edges.groups() as f64 * edges.edge_count() as f64).sqrt();
-        self.credit = (RISK * work * receivers as f64) as i64;
+        self.receivers = Some(receivers);
         self.sharing.resize(edges.groups(), Default::default());
         self.tile = self.tile.checked_add(1).unwrap_or_else(|| {
             self.sharing.fill(Default::default());
@@ -107,6 +113,10 @@ impl Tracer {
             }
         });
         let depth: i32 = depths.iter().map(|(_, depth)| depth).sum();
+        if let Some(receivers) = self.receivers.take() {
+            let contours = (look.edges.groups() as f64 * look.edges.edge_count() as f64).sqrt();
+            self.credit = (RISK * receivers as f64 * (SAVED * contours + LINE * meridians.len() as f64)) as i64;
+        }
         // Without a horizon the isolines end in one direction, and must agree there on everything.
         let is_walk = look.skips.hidden_bodies && normal.is_some() && look.edges.groups() > 1 && self.credit >= 0;
         if is_walk && self.walk(&depths, look, candidates, contours) {
@@ -218,7 +228,7 @@ impl Tracer {
             }
             self.credit -= (TEST + self.front.len() / 8) as i64;
             if !is_first && !self.front.meets(look.outlook, boxes[level][index as usize]) {
-                self.hide(level, index, look.edges);
+                self.hide(level, index, look);
             } else if level == 0 {
                 self.enter(index..index + 1, depths, look, candidates, contours);
                 is_taken = false;
@@ -253,18 +263,21 @@ impl Tracer {
             self.crossings.drop_covered(open, lines);
         }
         self.crossings.cross(look.outlook, candidates);
-        self.gaps.cover(&mut self.crossings, depth, &self.horizons);
-        // One by one this costs more than all at once.
-        self.credit -= (lines / 4 + self.crossings.lines().len()) as i64;
+        let is_first = self.counts == self.crossings.counts();
+        let cut = self.gaps.cover(&mut self.crossings, depth, &self.horizons);
+        if !is_first {
+            self.credit -= (lines / 4 + CUT * cut) as i64;
+        }
     }
 
     /// Counts the groups in a box that cannot be seen.
-    fn hide(&mut self, level: usize, index: u32, edges: &DualBvh) {
+    fn hide(&mut self, level: usize, index: u32, Look { edges, outlook, .. }: Look) {
         let below = 8u32.pow(level as u32);
         let groups = index * below..((index + 1) * below).min(edges.groups() as u32);
         for group in groups.filter(|&group| self.entered[group as usize] != self.receiver) {
             self.counts.hidden += 1;
-            self.credit += (SAVED * (edges.group_edges(group).len() as f64).sqrt()) as i64;
+            let contours = (edges.group_edges(group).len() as f64).sqrt();
+            self.credit += (SAVED * contours + SAVED_BY_LINE * outlook.meridians.len() as f64) as i64;
         }
     }
 

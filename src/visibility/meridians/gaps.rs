@@ -60,19 +60,22 @@ impl Gaps {
         lines.flat_map(|(line, gaps)| gaps.chunks_exact(2).map(move |gap| (line, gap[0], gap[1])))
     }
 
-    /// Puts groups before the isolines that cover their start `depth` times, with their crossings.
-    pub(in crate::visibility) fn cover(&mut self, crossings: &mut Crossings, depth: i32, horizons: &[f64]) {
+    /// Puts groups before the isolines that cover their start `depth` times, with their crossings. Returns the number of isolines
+    /// with gaps that they cross.
+    pub(in crate::visibility) fn cover(&mut self, crossings: &mut Crossings, depth: i32, horizons: &[f64]) -> usize {
         let crossed = crossings.lines();
         if depth > 0 {
             let (before, rest) = self.lines.split_at_mut(crossed.start);
             let after = &mut rest[crossed.len()..];
             before.iter_mut().chain(after).for_each(SmallVec::clear);
         }
+        let mut count = 0;
         for line in crossed {
             let gaps = &mut self.lines[line];
             if gaps.is_empty() {
                 continue;
             }
+            count += 1;
             self.free.clear();
             follow(crossings.sorted(line), depth, horizons[line], |from, to, depth| {
                 self.free.extend([from, to]);
@@ -82,6 +85,7 @@ impl Gaps {
             gaps.clear();
             gaps.extend_from_slice(&self.cut);
         }
+        count
     }
 
     /// What is left.
