@@ -29,15 +29,15 @@ pub(super) struct Tracer {
     stack: Vec<(usize, u32)>,
     /// What looking for hidden groups may still cost before it must have saved something.
     credit: i64,
-    /// Number of receivers of a tile for which there is no credit yet.
-    receivers: Option<usize>,
+    /// Number of receivers of the tile.
+    receivers: usize,
+    has_credit: bool,
 }
 
 /// Leaving out a group saves work that grows with its contours, which grow like the root of the number of its edges. In units of
 /// a test of eight sectors against a box, a few nanoseconds.
 const SAVED: f64 = 4.0;
-/// What every isoline adds to the work of a group, and to that of a receiver.
-const SAVED_BY_LINE: f64 = 0.5;
+/// What every isoline adds to the work of a receiver.
 const LINE: f64 = 8.0;
 /// Share of a tile's work that may be risked.
 const RISK: f64 = 1.0 / 40.0;
@@ -65,6 +65,9 @@ enum Sharing {
 const MANY: usize = 400;
 const EXCESS: usize = 20;
 
+/// In tiles of fewer receivers nobody searches alone, which would show what sharing costs, but may have been in vain.
+const SOME: usize = 8;
+
 fn are_too_many(together: usize, alone: usize) -> bool {
     together > MANY + EXCESS * alone
 }
@@ -85,7 +88,7 @@ pub(super) struct Look<'a> {
 impl Tracer {
     /// Begins with another tile of so many receivers.
     pub(super) fn begin(&mut self, edges: &DualBvh, receivers: usize) {
-        self.receivers = Some(receivers);
+        (self.receivers, self.has_credit) = (receivers, false);
         self.sharing.resize(edges.groups(), Default::default());
         self.tile = self.tile.checked_add(1).unwrap_or_else(|| {
             self.sharing.fill(Default::default());
@@ -113,9 +116,9 @@ impl Tracer {
             }
         });
         let depth: i32 = depths.iter().map(|(_, depth)| depth).sum();
-        if let Some(receivers) = self.receivers.take() {
+        if !std::mem::replace(&mut self.has_credit, true) {
             let contours = (look.edges.groups() as f64 * look.edges.edge_count() as f64).sqrt();
-            self.credit = (RISK * receivers as f64 * (SAVED * contours + LINE * meridians.len() as f64)) as i64;
+            self.credit = (RISK * self.receivers as f64 * (SAVED * contours + LINE * meridians.len() as f64)) as i64;
         }
         // Without a horizon the isolines end in one direction, and must agree there on everything.
         let is_walk = look.skips.hidden_bodies && normal.is_some() && look.edges.groups() > 1 && self.credit >= 0;
@@ -169,7 +172,7 @@ impl Tracer {
             let Tile { center, radius, .. } = look.tile;
             let distance = distance_squared(look.edges.group_boxes()[0][group as usize], center.as_vec3());
             (*tile, *sharing) = (self.tile, Sharing::Unknown);
-            if f64::from(distance) > radius * radius {
+            if f64::from(distance) > radius * radius || self.receivers < SOME {
                 *sharing = Sharing::Shared;
                 look.edges.search_group(group, &look.tile, candidates);
             }
@@ -228,7 +231,7 @@ impl Tracer {
             }
             self.credit -= (TEST + self.front.len() / 8) as i64;
             if !is_first && !self.front.meets(look.outlook, boxes[level][index as usize]) {
-                self.hide(level, index, look);
+                self.hide(level, index, look.edges);
             } else if level == 0 {
                 self.enter(index..index + 1, depths, look, candidates, contours);
                 is_taken = false;
@@ -271,13 +274,13 @@ impl Tracer {
     }
 
     /// Counts the groups in a box that cannot be seen.
-    fn hide(&mut self, level: usize, index: u32, Look { edges, outlook, .. }: Look) {
+    fn hide(&mut self, level: usize, index: u32, edges: &DualBvh) {
         let below = 8u32.pow(level as u32);
         let groups = index * below..((index + 1) * below).min(edges.groups() as u32);
         for group in groups.filter(|&group| self.entered[group as usize] != self.receiver) {
             self.counts.hidden += 1;
             let contours = (edges.group_edges(group).len() as f64).sqrt();
-            self.credit += (SAVED * contours + SAVED_BY_LINE * outlook.meridians.len() as f64) as i64;
+            self.credit += (SAVED * contours) as i64;
         }
     }
 
@@ -364,7 +367,7 @@ mod tests {
         let mut hidden = 0;
         for &receiver in receivers {
             // Whatever tests cost, here they are made.
-            lazy.tracer().credit = i64::MAX / 2;
+            (lazy.tracer().credit, lazy.tracer().has_credit) = (i64::MAX / 2, true);
             let expected = seen(&viewer, receiver, all, &mut full);
             assert_eq!(full.counts().hidden, 0);
             assert_eq!(seen(&viewer, receiver, Skips::default(), &mut lazy), expected, "{receiver:?}");

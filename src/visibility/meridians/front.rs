@@ -104,7 +104,7 @@ impl Front {
             let mut met = false;
             for j in 0..LANES {
                 // What is no number, of coordinates near the largest ones, may be anywhere.
-                met |= !(apart[j] > *margin);
+                met |= (apart[j] <= *margin) | apart[j].is_nan();
             }
             if met {
                 return true;
