@@ -65,8 +65,9 @@ enum Sharing {
 const MANY: usize = 400;
 const EXCESS: usize = 20;
 
-/// In tiles of fewer receivers nobody searches alone, which would show what sharing costs, but may have been in vain.
+/// In tiles of fewer receivers, and in groups of more edges, nobody searches alone: it shows what sharing costs, but may be in vain.
 const SOME: usize = 8;
+const LARGE: usize = 1 << 15;
 
 fn are_too_many(together: usize, alone: usize) -> bool {
     together > MANY + EXCESS * alone
@@ -172,7 +173,8 @@ impl Tracer {
             let Tile { center, radius, .. } = look.tile;
             let distance = distance_squared(look.edges.group_boxes()[0][group as usize], center.as_vec3());
             (*tile, *sharing) = (self.tile, Sharing::Unknown);
-            if f64::from(distance) > radius * radius || self.receivers < SOME {
+            let is_large = look.edges.group_edges(group).len() > LARGE;
+            if f64::from(distance) > radius * radius || self.receivers < SOME || is_large {
                 *sharing = Sharing::Shared;
                 look.edges.search_group(group, &look.tile, candidates);
             }
