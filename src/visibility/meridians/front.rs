@@ -168,9 +168,9 @@ mod tests {
             front.take(outlook, &gaps);
             prop_assert_eq!(front.len(), 16);
             let mut seen = false;
-            for line in 0..meridians.len() {
+            for (line, end) in ends.iter().enumerate() {
                 let (sin, cos) = meridians.u(line).sin_cos();
-                let end = ends[line].atan();
+                let end = end.atan();
                 for step in 0..200 {
                     let latitude = -0.5 * PI + (end + 0.5 * PI) * (f64::from(step) + 0.5) / 200.0;
                     let w = DVec3::new(latitude.cos() * cos, latitude.cos() * sin, latitude.sin());
