@@ -204,8 +204,18 @@ impl Edges {
 
     /// First and last point of an edge.
     pub fn ends(&self, edge: &Edge) -> (DVec3, DVec3) {
-        let point = |rank: u32| self.vertices.get(rank as usize).map_or_else(|| on_seam(edge.normal), |v| v.position);
-        (point(edge.start), point(edge.end))
+        (self.point(edge, edge.start), self.end(edge))
+    }
+
+    /// Last point of an edge.
+    #[inline(always)]
+    pub fn end(&self, edge: &Edge) -> DVec3 {
+        self.point(edge, edge.end)
+    }
+
+    #[inline(always)]
+    fn point(&self, edge: &Edge, rank: u32) -> DVec3 {
+        self.vertices.get(rank as usize).map_or_else(|| on_seam(edge.normal), |v| v.position)
     }
 
     /// Positive if two edges that start at one vertex come downwards in this order, and as sure as it is far from zero.

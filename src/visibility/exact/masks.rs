@@ -9,14 +9,17 @@
 //! arrangement. Answers within rounding make the edges they concern doubtful, and where a doubtful edge may be visible the
 //! sweep gives up: [`sweep`](super::sweep), which keeps an order, needs no certainty.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
-use super::bands::{Active, Bands};
+use super::bands::Bands;
+use super::chains::Chain;
 use super::chart::Chart;
-use super::edges::{Edge, Edges, NIL, SEAM, Vertex, on_seam};
+use super::edges::{Edge, Edges, NIL, Vertex, on_seam};
 use super::pieces::{Ending, Pieces};
 use super::region::Region;
-use super::slots::DOUBT;
+use super::slots::{DOUBT, MOST_JUMP};
 
 /// The sweep is not certain of its answer.
 pub(super) struct Doubt;
@@ -26,10 +29,10 @@ pub(super) struct Doubt;
 pub(super) struct Buffers {
     bands: Bands,
     pieces: Pieces,
-    /// Edges that end at a vertex; for each and its bands which edges were above it at the start; where each begins there.
+    /// The chain of an edge.
+    chains: Vec<u32>,
+    /// Edges that end at a vertex.
     ends: Vec<u32>,
-    above_at_start: Vec<u64>,
-    first_mask: Vec<usize>,
     /// Edges that start at a vertex, downwards, and whether their order is in doubt.
     starts: Vec<u32>,
     doubts: Vec<bool>,
@@ -51,18 +54,41 @@ pub(super) fn sweep(
         return Err(Doubt);
     }
     buffers.bands.reset(edges);
+    buffers.chains.resize(edges.edges.len(), NIL);
     let horizon = edges.edges.get(edges.horizon as usize);
     buffers.pieces.reset(horizon.copied());
     let mut sweep = Masks { edges, buffers, chart, horizon, depth_at_pole, region };
-    let check = sweep.begin();
-    for (rank, vertex) in edges.vertices.iter().enumerate() {
-        sweep.vertex(vertex, Edges::starts(&edges.vertices, &edges.edges, rank))?;
-    }
+    let check = sweep.begin()?;
+    sweep.vertices()?;
     sweep.finish()?;
     region.finish();
     /// Rounding of a few thousand arcs, less than any piece that could be missing.
     const CLOSED: f64 = 1e-11;
     if region.residuals.closure < CLOSED { Ok(check) } else { Err(Doubt) }
+}
+
+impl Edges {
+    /// A chain that begins with an edge at its first point.
+    #[inline(always)]
+    fn chain(&self, id: u32, start: DVec3, bands: &Bands) -> Result<Chain, Doubt> {
+        let edge = &self.edges[id as usize];
+        if edge.jump.unsigned_abs() > MOST_JUMP {
+            return Err(Doubt);
+        }
+        let (first_band, last_band) = bands.range(start, self.end(edge));
+        Ok(Chain {
+            edge: id,
+            since: 0,
+            normal: edge.normal,
+            start,
+            starts_above_horizon: true,
+            is_doubtful: false,
+            first_band,
+            last_band,
+            jump: edge.jump,
+            above: 0,
+        })
+    }
 }
 
 struct Masks<'a> {
@@ -76,8 +102,8 @@ struct Masks<'a> {
 
 impl Masks<'_> {
     /// Starts the edges that cross the seam; returns the middle of the widest gap between them, and W there.
-    fn begin(&mut self) -> (DVec3, i32) {
-        let Buffers { bands, pieces, at_seam, .. } = &mut *self.buffers;
+    fn begin(&mut self) -> Result<(DVec3, i32), Doubt> {
+        let Buffers { bands, pieces, at_seam, chains, .. } = &mut *self.buffers;
         let ids = self.edges.at_seam.iter().copied().filter(|&id| id != self.edges.horizon);
         at_seam.clear();
         at_seam.extend(ids.map(|id| (on_seam(self.edges.edges[id as usize].normal).z, id)));
@@ -91,106 +117,184 @@ impl Masks<'_> {
         for k in 0..at_seam.len() {
             let (z, id) = at_seam[k];
             let edge = &self.edges.edges[id as usize];
-            let ends = self.edges.ends(edge);
-            let height = self.horizon.map_or(1.0, |horizon| horizon.normal.dot(ends.0));
+            let start = on_seam(edge.normal);
+            let height = self.horizon.map_or(1.0, |horizon| horizon.normal.dot(start));
             if height > 0.0 {
-                widen(&mut widest, previous, ends.0, above);
+                widen(&mut widest, previous, start, above);
                 at_horizon = above + edge.jump;
-                previous = ends.0;
+                previous = start;
             }
-            bands.insert(id, edge, ends, Active::new(above, ends.0, height > 0.0));
-            // What comes next at the seam is below.
-            bands.set_above(id);
-            above += edge.jump;
-            bands.active[id as usize].is_doubtful |= height.abs() < DOUBT;
+            let mut chain = self.edges.chain(id, start, bands)?;
+            (chain.starts_above_horizon, chain.above) = (height > 0.0, above);
+            chain.is_doubtful = height.abs() < DOUBT;
             if k > 0 && at_seam[k - 1].0 - z < DOUBT {
-                bands.active[id as usize].is_doubtful = true;
-                bands.active[at_seam[k - 1].1 as usize].is_doubtful = true;
+                chain.is_doubtful = true;
+                bands.chains[chains[at_seam[k - 1].1 as usize] as usize].is_doubtful = true;
             }
+            let chain = bands.insert(chain);
+            chains[id as usize] = chain;
+            // What comes next at the seam is below.
+            bands.set_above(chain);
+            above += edge.jump;
         }
         widen(&mut widest, previous, last, at_horizon);
         pieces.depth_at_seam = at_horizon;
-        (self.chart.world(widest.1), widest.2)
+        Ok((self.chart.world(widest.1), widest.2))
     }
 
-    fn vertex(&mut self, vertex: &Vertex, starts: std::ops::Range<u32>) -> Result<(), Doubt> {
-        let Buffers { bands, pieces, ends, above_at_start, first_mask, .. } = &mut *self.buffers;
+    /// Passes all vertices.
+    fn vertices(&mut self) -> Result<(), Doubt> {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("popcnt")
+        {
+            // SAFETY: the processor has these features.
+            return unsafe { self.vertices_avx2() };
+        }
+        self.vertices_inline()
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,popcnt")]
+    fn vertices_avx2(&mut self) -> Result<(), Doubt> {
+        self.vertices_inline()
+    }
+
+    #[inline(always)]
+    fn vertices_inline(&mut self) -> Result<(), Doubt> {
+        let edges = self.edges;
+        for (rank, vertex) in edges.vertices.iter().enumerate() {
+            let event = rank as u32 + 1;
+            let starts = Edges::starts(&edges.vertices, &edges.edges, rank);
+            if vertex.ends != NIL && starts.len() == 1 {
+                let (ended, started) = (&edges.edges[vertex.ends as usize], &edges.edges[starts.start as usize]);
+                if ended.next_end == NIL && ended.jump == started.jump {
+                    self.proceed(event, vertex, starts.start)?;
+                    continue;
+                }
+            }
+            self.branch(event, vertex, starts)?;
+        }
+        Ok(())
+    }
+
+    /// One edge ends at a vertex, and another takes its place.
+    #[inline(always)]
+    fn proceed(&mut self, event: u32, vertex: &Vertex, started: u32) -> Result<(), Doubt> {
+        let Buffers { bands, pieces, chains, .. } = &mut *self.buffers;
+        let is_above_horizon = vertex.height > 0.0;
+        let id = chains[vertex.ends as usize];
+        let mut next = self.edges.chain(started, vertex.position, bands)?;
+        let chain = bands.chains[id as usize];
+        let first = chain.first_band.min(next.first_band).into();
+        let last = chain.last_band.max(next.last_band).into();
+        bands.hide(id);
+        let is_near = bands.look(vertex.position, first..=last);
+        bands.chains[id as usize].is_doubtful |= is_near;
+        let depth = self.depth_at_pole + bands.jumps_above(bands.band(vertex.position.z));
+        let ending = Ending {
+            id,
+            crossed: bands.cross(id, event),
+            chain: &bands.chains[id as usize],
+            end: vertex.position,
+            ends_above_horizon: is_above_horizon,
+            depth_above: depth,
+        };
+        pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
+        (next.since, next.above) = (event, depth);
+        (next.starts_above_horizon, next.is_doubtful) = (is_above_horizon, is_near);
+        bands.proceed(id, next);
+        chains[started as usize] = id;
+        if bands.is_crowded(first..=last) { Err(Doubt) } else { Ok(()) }
+    }
+
+    /// Any number of edges end and start at a vertex.
+    #[inline(always)]
+    fn branch(&mut self, event: u32, vertex: &Vertex, starts: Range<u32>) -> Result<(), Doubt> {
+        let Buffers { bands, pieces, ends, chains, .. } = &mut *self.buffers;
         let is_above_horizon = vertex.height > 0.0;
         let band = bands.band(vertex.position.z);
         // The bands that the vertex's edges come into.
         let (mut first, mut last) = (band, band);
         let mut balance = 0;
         ends.clear();
-        above_at_start.clear();
-        first_mask.clear();
         let mut id = vertex.ends;
         while id != NIL {
+            let edge = &self.edges.edges[id as usize];
+            balance -= edge.jump;
             ends.push(id);
-            id = self.edges.edges[id as usize].next_end;
+            id = edge.next_end;
         }
-        // Nothing depends on the order of the contours.
-        let place =
-            |id: &u32| (self.edges.edges[*id as usize].start, self.edges.edges[*id as usize].normal.x.to_bits());
-        ends.sort_unstable_by_key(place);
-        for &id in &*ends {
-            balance -= self.edges.edges[id as usize].jump;
-            first_mask.push(above_at_start.len());
-            bands.above_at_start(id, above_at_start);
-            let active = &bands.active[id as usize];
-            first = first.min(active.first_band as usize);
-            last = last.max(active.last_band as usize);
+        if ends.len() > 1 {
+            // Nothing depends on the order of the contours.
+            let place =
+                |id: &u32| (self.edges.edges[*id as usize].start, self.edges.edges[*id as usize].normal.x.to_bits());
+            ends.sort_unstable_by_key(place);
+        }
+        for end in &mut *ends {
+            *end = chains[*end as usize];
+            let chain = &bands.chains[*end as usize];
+            first = first.min(chain.first_band);
+            last = last.max(chain.last_band);
         }
         for start in starts.clone() {
             let edge = &self.edges.edges[start as usize];
             balance += edge.jump;
-            let (from, to) = bands.range(self.edges.ends(edge));
-            first = first.min(from as usize);
-            last = last.max(to as usize);
+            let (from, to) = bands.range(vertex.position, self.edges.end(edge));
+            first = first.min(from);
+            last = last.max(to);
         }
         if balance != 0 && is_above_horizon {
             return Err(Doubt);
         }
-        for &id in &*ends {
-            bands.remove(id, self.edges.edges[id as usize].jump);
-        }
-        let is_near = bands.look(vertex.position, first..=last);
-        if is_near {
-            bands.doubt_near(vertex.position, first..=last);
-            ends.iter().for_each(|&id| bands.active[id as usize].is_doubtful = true);
-        }
+        let range = first.into()..=last.into();
+        ends.iter().for_each(|&id| bands.remove(id));
+        let is_near = bands.look(vertex.position, range.clone());
         let depth = self.depth_at_pole + bands.jumps_above(band);
-        for (k, &edge) in ends.iter().enumerate() {
-            let above_at_start = &above_at_start[first_mask[k]..];
-            let mut depth_above = depth;
-            if ends.len() > 1 {
-                // Those that end here too, above it.
-                let siblings =
-                    ends.iter().filter(|&&other| other != edge && bands.was_above(edge, above_at_start, other, band));
-                depth_above += siblings.map(|&other| self.edges.edges[other as usize].jump).sum::<i32>();
-            }
-            let end = vertex.position;
-            let ending = Ending { edge, above_at_start, end, ends_above_horizon: is_above_horizon, depth_above };
+        for &id in &*ends {
+            bands.chains[id as usize].is_doubtful |= is_near;
+            // Those that end here too, above it.
+            let siblings = ends.iter().filter(|&&other| other != id && bands.was_above(id, other, band));
+            let depth_above = depth + siblings.map(|&other| bands.chains[other as usize].jump).sum::<i32>();
+            let ending = Ending {
+                id,
+                crossed: bands.cross(id, event),
+                chain: &bands.chains[id as usize],
+                end: vertex.position,
+                ends_above_horizon: is_above_horizon,
+                depth_above,
+            };
             pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
         }
-        self.start(vertex, starts, depth, is_near)?;
-        if self.buffers.bands.is_crowded(first..=last) { Err(Doubt) } else { Ok(()) }
+        ends.iter().for_each(|&id| bands.free(id));
+        self.start(event, vertex, starts, depth, is_near)?;
+        if self.buffers.bands.is_crowded(range) { Err(Doubt) } else { Ok(()) }
     }
 
     /// Starts edges at a vertex.
-    fn start(&mut self, vertex: &Vertex, starts: std::ops::Range<u32>, depth: i32, is_near: bool) -> Result<(), Doubt> {
+    fn start(
+        &mut self,
+        event: u32,
+        vertex: &Vertex,
+        starts: Range<u32>,
+        depth: i32,
+        is_near: bool,
+    ) -> Result<(), Doubt> {
         self.buffers.starts.clear();
         self.buffers.starts.extend(starts);
         self.sort_starts(is_near);
-        let Buffers { bands, starts, doubts, .. } = &mut *self.buffers;
+        let Buffers { bands, starts, doubts, chains, .. } = &mut *self.buffers;
         let mut above = depth;
         for (i, (&id, &is_doubtful)) in starts.iter().zip(&*doubts).enumerate() {
-            let edge = &self.edges.edges[id as usize];
-            let active = Active::new(above, vertex.position, vertex.height > 0.0);
-            bands.insert(id, edge, self.edges.ends(edge), active);
-            bands.active[id as usize].is_doubtful = is_doubtful;
-            above += edge.jump;
+            let mut chain = self.edges.chain(id, vertex.position, bands)?;
+            (chain.since, chain.above) = (event, above);
+            (chain.starts_above_horizon, chain.is_doubtful) = (vertex.height > 0.0, is_doubtful);
+            above += chain.jump;
+            let chain = bands.insert(chain);
+            chains[id as usize] = chain;
             if i + 1 < starts.len() {
-                bands.set_above(id);
+                bands.set_above(chain);
             }
         }
         Ok(())
@@ -220,30 +324,35 @@ impl Masks<'_> {
 
     /// Ends all edges at the seam, and the horizon.
     fn finish(&mut self) -> Result<(), Doubt> {
-        let Buffers { bands, pieces, above_at_start, at_seam, .. } = &mut *self.buffers;
+        let Buffers { bands, pieces, at_seam, chains, .. } = &mut *self.buffers;
         at_seam.clear();
-        at_seam.extend(bands.left().map(|id| (on_seam(self.edges.edges[id as usize].normal).z, id)));
+        let left = bands.left().map(|id| bands.chains[id as usize]);
+        at_seam.extend(left.map(|chain| (on_seam(chain.normal).z, chain.edge)));
         downwards(at_seam);
         for pair in at_seam.windows(2) {
             if pair[0].0 - pair[1].0 < DOUBT {
-                pair.iter().for_each(|&(_, id)| bands.active[id as usize].is_doubtful = true);
+                pair.iter().for_each(|&(_, id)| bands.chains[chains[id as usize] as usize].is_doubtful = true);
             }
         }
+        // Of those that are left when one is removed all are below it.
         bands.clear_above();
         let mut depth = self.depth_at_pole;
-        for &(_, id) in &*at_seam {
-            let edge = &self.edges.edges[id as usize];
-            debug_assert_eq!(edge.end, SEAM);
-            let end = on_seam(edge.normal);
+        for &(_, edge) in &*at_seam {
+            let id = chains[edge as usize];
+            let end = on_seam(bands.chains[id as usize].normal);
             let height = self.horizon.map_or(1.0, |horizon| horizon.normal.dot(end));
-            bands.active[id as usize].is_doubtful |= height.abs() < DOUBT;
-            above_at_start.clear();
-            bands.above_at_start(id, above_at_start);
-            bands.set_above(id);
-            bands.remove(id, edge.jump);
-            let ending = Ending { edge: id, above_at_start, end, ends_above_horizon: height > 0.0, depth_above: depth };
+            bands.chains[id as usize].is_doubtful |= height.abs() < DOUBT;
+            bands.remove(id);
+            let ending = Ending {
+                id,
+                crossed: bands.cross(id, u32::MAX),
+                chain: &bands.chains[id as usize],
+                end,
+                ends_above_horizon: height > 0.0,
+                depth_above: depth,
+            };
             pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
-            depth += edge.jump;
+            depth += ending.chain.jump;
         }
         match self.horizon {
             Some(_) => pieces.finish_horizon(self.chart, self.region),

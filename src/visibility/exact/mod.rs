@@ -10,6 +10,7 @@
 
 mod bands;
 mod boundary;
+mod chains;
 mod chart;
 mod crossings;
 mod edges;

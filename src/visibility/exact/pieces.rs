@@ -2,79 +2,33 @@
 
 use glam::DVec3;
 
-use super::bands::{Active, Bands};
+use super::bands::Bands;
+use super::chains::Chain;
 use super::chart::{Chart, TURN_END, azimuth};
-use super::edges::{Edge, Edges, NIL, on_line};
+use super::edges::{Edge, Edges, on_line};
 use super::masks::Doubt;
 use super::region::Region;
-use super::slots::DOUBT;
+use super::slots::{DOUBT, bits};
 
-/// The end of an edge, which is no longer active.
+/// The end of a chain's edge.
 pub(super) struct Ending<'a> {
-    pub edge: u32,
-    /// For each of its bands the edges that were above it when the younger of the two started.
-    pub above_at_start: &'a [u64],
+    pub id: u32,
+    pub chain: &'a Chain,
     pub end: DVec3,
     pub ends_above_horizon: bool,
     /// W just above the end, if that is above the horizon.
     pub depth_above: i32,
+    /// Sum of the sizes of the jumps of all edges that have crossed it.
+    pub crossed: i32,
 }
 
-/// An edge that crosses the one that ends.
-struct Crossed {
-    edge: u32,
-    jump: i32,
-    /// Whether the one that ends rises above it.
-    rises: bool,
-}
-
-impl Crossed {
-    /// Change of W just above the one that ends.
-    fn change(&self) -> i32 {
-        if self.rises { -self.jump } else { self.jump }
-    }
-}
-
-impl Ending<'_> {
-    /// Calls back for each edge among those still active that it has crossed.
-    #[inline(always)]
-    fn each_crossed(&self, bands: &mut Bands, mut found: impl FnMut(&mut Active, Crossed)) {
-        let Bands { bands, active, .. } = bands;
-        let this = active[self.edge as usize];
-        let mut masks = self.above_at_start;
-        for number in this.bands() {
-            let band = &bands[number];
-            let (was_above, rest) = masks.split_at(band.slots.words());
-            masks = rest;
-            for (word, &was_above) in was_above.iter().enumerate() {
-                let is_above = band.above.get(word).copied().unwrap_or(0);
-                let mut left = (was_above ^ is_above) & band.slots.taken()[word];
-                while left != 0 {
-                    let bit = left.trailing_zeros();
-                    left &= left - 1;
-                    let slot = 64 * word + bit as usize;
-                    let edge = band.slots.edge(slot);
-                    let other = &mut active[edge as usize];
-                    // Two edges may meet in several bands and count in the first of them.
-                    if this.first_band.max(other.first_band) as usize == number {
-                        let rises = was_above >> bit & 1 != 0;
-                        found(other, Crossed { edge, jump: band.slots.jump(slot), rises });
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// A crossing on an edge, after others.
+/// A crossing on an edge.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
     /// The other edge.
     edge: u32,
     /// Change of W just above the edge, in the direction of the sweep.
     change: i32,
-    /// The one before.
-    next: u32,
 }
 
 /// A crossing that has been located.
@@ -101,8 +55,7 @@ struct HorizonEnd {
 /// Pieces under way.
 #[derive(Debug, Default)]
 pub(super) struct Pieces {
-    crossings: Vec<Crossing>,
-    /// Those of the edge at hand, and where along it they are.
+    /// Crossings of the edge at hand, and where along it they are.
     found: Vec<Crossing>,
     places: Vec<Place>,
     horizon: Option<Edge>,
@@ -114,12 +67,6 @@ pub(super) struct Pieces {
 /// The side of an edge on which alone W is zero: +1 above, -1 below, 0 neither.
 fn side(above: i32, jump: i32) -> i8 {
     i8::from(above == 0) - i8::from(above + jump == 0)
-}
-
-/// The crossings of a linked list.
-fn linked(crossings: &[Crossing], first: u32) -> impl Iterator<Item = Crossing> {
-    let crossing = |at: u32| crossings.get(at as usize).copied();
-    std::iter::successors(crossing(first), move |last| crossing(last.next))
 }
 
 /// Parts of an edge, in each of which W is taken to fall before it rises: as low as it may come.
@@ -165,76 +112,98 @@ impl<'a> Worst<'a> {
 
 impl Pieces {
     pub fn reset(&mut self, horizon: Option<Edge>) {
-        self.crossings.clear();
         self.horizon_ends.clear();
         self.horizon = horizon;
     }
 
-    /// Notes the crossings of an edge that ends with those still active, and adds its visible pieces to the region.
+    /// Adds the visible pieces of an edge that ends to the region.
+    #[inline(always)]
     pub fn end(
         &mut self,
         edges: &Edges,
-        bands: &mut Bands,
+        bands: &Bands,
         ending: &Ending,
         chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
-        let edge = &edges.edges[ending.edge as usize];
-        let active = bands.active[ending.edge as usize];
-        let (mut change, mut fall) = (active.change, active.fall);
-        ending.each_crossed(bands, |other, crossed| {
-            let step = crossed.change();
-            change += step;
-            fall += step.min(0);
-            // In the other's books, too, for when it ends.
-            let step = if crossed.rises { edge.jump } else { -edge.jump };
-            other.change += step;
-            other.fall += step.min(0);
-            let next = std::mem::replace(&mut other.crossings, self.crossings.len() as u32);
-            self.crossings.push(Crossing { edge: ending.edge, change: step, next });
-        });
-        let depth = if active.starts_above_horizon {
-            active.above
-        } else if ending.ends_above_horizon {
-            ending.depth_above - change
-        } else {
-            return Ok(());
+        let chain = ending.chain;
+        let is_hidden = match (chain.starts_above_horizon, ending.ends_above_horizon) {
+            (false, false) => true,
+            (true, true) => {
+                // What crosses it makes W rise or fall; the sum of both and the difference are known.
+                let falls = (ending.crossed - (ending.depth_above - chain.above)) / 2;
+                chain.above + chain.jump.min(0) > falls
+            }
+            _ => false,
+        };
+        if is_hidden { Ok(()) } else { self.look_closely(edges, bands, ending, chart, region) }
+    }
+
+    /// The same for an edge that may be visible: finds what it crosses, and where.
+    fn look_closely(
+        &mut self,
+        edges: &Edges,
+        bands: &Bands,
+        ending: &Ending,
+        chart: &Chart,
+        region: &mut Region,
+    ) -> Result<(), Doubt> {
+        let chain = ending.chain;
+        let edge = &edges.edges[chain.edge as usize];
+        self.find(edges, bands, ending);
+        let depth = match chain.starts_above_horizon {
+            true => chain.above,
+            false => ending.depth_above - self.found.iter().map(|crossing| crossing.change).sum::<i32>(),
         };
         let deepest = depth + edge.jump.min(0);
-        if deepest + fall > 0 {
+        if deepest + self.found.iter().map(|crossing| crossing.change.min(0)).sum::<i32>() > 0 {
             return Ok(());
         }
-        let ends = (active.start, ending.end);
+        let ends = (chain.start, ending.end);
         if deepest > 0 {
             let mut worst = Worst::new(edges, ends);
-            for crossing in linked(&self.crossings, active.crossings) {
-                worst.add(crossing.edge, crossing.change);
-            }
-            ending.each_crossed(bands, |_, crossed| worst.add(crossed.edge, crossed.change()));
+            self.found.iter().for_each(|crossing| worst.add(crossing.edge, crossing.change));
             if worst.stays_above_zero(deepest) {
                 return Ok(());
             }
         }
-        if active.is_doubtful {
+        if chain.is_doubtful {
             return Err(Doubt);
         }
-        self.found.clear();
-        self.found.extend(linked(&self.crossings, active.crossings));
-        ending.each_crossed(bands, |_, crossed| {
-            self.found.push(Crossing { edge: crossed.edge, change: crossed.change(), next: NIL });
-        });
         region.residuals.crossings += self.found.len() as u32;
         self.locate(edges, edge, ends);
-        if active.starts_above_horizon != ending.ends_above_horizon {
+        if chain.starts_above_horizon != ending.ends_above_horizon {
             self.locate_horizon(ends);
         }
-        self.walk(edge, depth, (active.start, active.starts_above_horizon), ending.end, chart, region)
+        self.walk(edge, depth, (chain.start, chain.starts_above_horizon), ending.end, chart, region)
+    }
+
+    /// Lists the crossings of an edge: those found when others ended, and those found now.
+    fn find(&mut self, edges: &Edges, bands: &Bands, &Ending { id, chain, .. }: &Ending) {
+        self.found.clear();
+        for band in chain.bands() {
+            let (slots, slot) = (&bands.slots[band], bands.slot(id, band));
+            let (word, bit) = (slot / 64, slot % 64);
+            for crossed in slots.crossed_since(chain.since) {
+                if crossed.edge == chain.edge {
+                    for bit in bits(crossed.slots) {
+                        let other = bands.chains[slots.chain(crossed.word, bit) as usize];
+                        let change = if crossed.rises >> bit & 1 != 0 { -other.jump } else { other.jump };
+                        self.found.push(Crossing { edge: other.edge, change });
+                    }
+                } else if crossed.word as usize == word && crossed.slots >> bit & 1 != 0 {
+                    let jump = edges.edges[crossed.edge as usize].jump;
+                    let change = if crossed.rises >> bit & 1 != 0 { jump } else { -jump };
+                    self.found.push(Crossing { edge: crossed.edge, change });
+                }
+            }
+        }
     }
 
     /// Finds where an edge is crossed.
     fn locate(&mut self, edges: &Edges, edge: &Edge, (start, end): (DVec3, DVec3)) {
         self.places.clear();
-        for &Crossing { edge: other, change, .. } in &self.found {
+        for &Crossing { edge: other, change } in &self.found {
             let other = &edges.edges[other as usize];
             // On the one or the other, but for both the same point.
             let (point, error) = if (edge.start, edge.end) < (other.start, other.end) {

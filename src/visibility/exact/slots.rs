@@ -1,288 +1,337 @@
-//! Active edges side by side, for vector instructions.
+//! Chains that come into one band of latitude side by side, for vector instructions; which of them lie above which.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
-use super::edges::NIL;
+use super::chains::Chain;
 
 /// Bits of a word of a mask.
 const WORD: usize = u64::BITS as usize;
 /// Slots handled side by side.
-const LANES: usize = 4;
+const LANES: usize = 8;
+/// Binary digits of the size of a jump.
+const DIGITS: usize = 3;
+/// The largest jump that fits.
+pub(super) const MOST_JUMP: u32 = (1 << DIGITS) - 1;
 
 /// A vertex within this distance of an edge's line, times the edge's length, may be on either side of it: normals and unit
 /// vectors are known to a few 1e-16.
 pub(super) const DOUBT: f64 = 2e-15;
+/// The same in single precision: five roundings of 6e-8 each.
+const NEAR: f32 = 4e-7;
 
-/// Edges in slots, one bit of every mask each. A slot is free again when its edge has ended.
+/// Sixty-four slots, a bit of every mask each.
+#[derive(Clone, Copy, Debug, Default)]
+struct Word {
+    taken: u64,
+    /// Which pass above the vertex at hand. Those that are not taken never do.
+    above: u64,
+    /// Which come into the band above, too.
+    continued: u64,
+    /// Sign and binary digits of the jumps.
+    negative: u64,
+    sizes: [u64; DIGITS],
+}
+
+impl Word {
+    fn set_jump(&mut self, bit: usize, jump: i32) {
+        let put = |mask: &mut u64, value: bool| *mask = *mask & !(1 << bit) | u64::from(value) << bit;
+        put(&mut self.negative, jump < 0);
+        for (digit, mask) in self.sizes.iter_mut().enumerate() {
+            put(mask, jump.unsigned_abs() >> digit & 1 != 0);
+        }
+    }
+
+    /// Sum of the jumps of some slots.
+    #[inline(always)]
+    fn jumps(&self, slots: u64) -> i32 {
+        let digits = self.sizes.iter().enumerate();
+        digits.map(|(digit, &mask)| (count(slots & mask) - 2 * count(slots & mask & self.negative)) << digit).sum()
+    }
+
+    /// Sum of their sizes.
+    #[inline(always)]
+    fn sizes(&self, slots: u64) -> i32 {
+        self.sizes.iter().enumerate().map(|(digit, &mask)| count(slots & mask) << digit).sum()
+    }
+}
+
+fn count(mask: u64) -> i32 {
+    mask.count_ones() as i32
+}
+
+/// The numbers of the bits that are set.
+#[inline(always)]
+pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let bit = mask.trailing_zeros() as usize;
+        (mask != 0).then(|| {
+            mask &= mask - 1;
+            bit
+        })
+    })
+}
+
+/// Crossings of an edge that has ended with those in one word of slots.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossed {
+    /// Which it has crossed, and which of them were above it before.
+    pub slots: u64,
+    pub rises: u64,
+    /// The edge that ended, and when.
+    pub edge: u32,
+    pub event: u32,
+    pub word: u32,
+}
+
+/// The slots of one band. A slot is free again when its chain has left the band.
 #[derive(Debug, Default)]
 pub(super) struct Slots {
-    capacity: usize,
+    words: Vec<Word>,
     /// Slots up to the last one taken, in whole lanes.
     used: usize,
-    /// Normals by coordinate: not a number where the slot is free, so that every comparison fails.
-    normals: [Vec<f64>; 3],
-    jumps: Vec<f64>,
-    /// The older edge has the smaller number.
-    ages: Vec<i64>,
-    next_age: i64,
-    /// Word w of slot s at `w * capacity + s`: which edges lay above the slot's edge when it started.
+    /// Normals by coordinate: not a number where there is nothing to be compared, so that every comparison fails.
+    normals: [Vec<f32>; 3],
+    chains: Vec<u32>,
+    /// Word w of slot s at `s * words + w`: which chains lay above that in the slot at the last vertex of either.
     rows: Vec<u64>,
-    taken: Vec<u64>,
-    /// The edge in a slot.
-    edges: Vec<u32>,
-}
-
-pub(super) fn has(mask: &[u64], slot: usize) -> bool {
-    mask[slot / WORD] >> (slot % WORD) & 1 != 0
-}
-
-pub(super) fn set(mask: &mut [u64], slot: usize) {
-    mask[slot / WORD] |= 1 << (slot % WORD);
+    /// Sizes of the jumps of the edges that have crossed that in the slot and then ended.
+    crossed: Vec<i32>,
+    /// All crossings, in the order in which they were found.
+    log: Vec<Crossed>,
 }
 
 impl Slots {
     /// Frees all slots.
     pub fn reset(&mut self) {
         self.used = 0;
-        self.next_age = 0;
-        self.taken.fill(0);
-        for axis in &mut self.normals {
-            axis.fill(f64::NAN);
-        }
-        self.jumps.fill(0.0);
+        self.words.fill(Word::default());
+        self.normals[0].fill(f32::NAN);
+        self.log.clear();
     }
 
     /// Whether keeping order would be better than comparing one by one.
     pub fn is_crowded(&self) -> bool {
         const MOST: usize = 4096;
-        self.capacity > MOST
+        self.chains.len() > MOST
     }
 
-    /// The edges in all slots taken.
-    pub fn taken_edges(&self) -> impl Iterator<Item = u32> {
-        (0..self.used).filter(|&slot| has(&self.taken, slot)).map(|slot| self.edges[slot])
+    /// The chains in all slots taken.
+    pub fn taken(&self) -> impl Iterator<Item = u32> {
+        self.words.iter().enumerate().flat_map(move |(w, word)| bits(word.taken).map(move |bit| self.chains[WORD * w + bit]))
     }
 
-    /// Words of a mask.
-    pub fn words(&self) -> usize {
-        self.capacity / WORD
+    /// The chain in a slot of a word.
+    pub fn chain(&self, word: u32, bit: usize) -> u32 {
+        self.chains[WORD * word as usize + bit]
     }
 
-    pub fn taken(&self) -> &[u64] {
-        &self.taken
+    /// The crossings found after an event, the last first.
+    #[inline(always)]
+    pub fn crossed_since(&self, event: u32) -> impl Iterator<Item = &Crossed> {
+        self.log.iter().rev().take_while(move |crossed| crossed.event > event)
     }
 
-    pub fn jump(&self, slot: usize) -> i32 {
-        self.jumps[slot] as i32
-    }
-
-    /// The edge in a slot.
-    pub fn edge(&self, slot: usize) -> u32 {
-        self.edges[slot]
-    }
-
-    /// Puts an edge into a free slot; `above` are the slots of the edges above its start.
-    pub fn insert(&mut self, edge: u32, normal: DVec3, jump: i32, above: &[u64]) -> usize {
-        if self.taken.iter().all(|&word| word == u64::MAX) {
-            self.grow();
-        }
-        let word = self.taken.iter().position(|&word| word != u64::MAX).expect("there is a free slot");
-        let slot = WORD * word + self.taken[word].trailing_ones() as usize;
-        set(&mut self.taken, slot);
+    /// Takes a free slot for a chain; its edge starts at the vertex at hand, or below what is marked as above.
+    pub fn insert(&mut self, chain: u32, jump: i32, is_continued: bool) -> usize {
+        let slot = match self.words.iter().position(|word| word.taken != u64::MAX) {
+            Some(word) => WORD * word + self.words[word].taken.trailing_ones() as usize,
+            None => self.grow(),
+        };
         self.used = self.used.max((slot / LANES + 1) * LANES);
-        for (axis, value) in self.normals.iter_mut().zip(normal.to_array()) {
-            axis[slot] = value;
+        let (w, bit) = (slot / WORD, slot % WORD);
+        let word = &mut self.words[w];
+        word.taken |= 1 << bit;
+        word.set_jump(bit, jump);
+        self.chains[slot] = chain;
+        self.crossed[slot] = 0;
+        // It is above those that are not above it.
+        let width = self.words.len();
+        for (other, row) in self.rows.chunks_exact_mut(width).enumerate().take(self.used) {
+            let is_above = self.words[other / WORD].above >> (other % WORD) & 1;
+            row[w] = row[w] & !(1 << bit) | (1 ^ is_above) << bit;
         }
-        self.jumps[slot] = f64::from(jump);
-        self.ages[slot] = self.next_age;
-        self.next_age += 1;
-        self.edges[slot] = edge;
-        for word in 0..self.words() {
-            self.rows[word * self.capacity + slot] = above.get(word).copied().unwrap_or(0);
-        }
+        self.rest(slot, is_continued);
         slot
     }
 
-    /// Frees a slot. What it held can be read until the next edge is inserted.
-    pub fn remove(&mut self, slot: usize) {
-        self.taken[slot / WORD] &= !(1 << (slot % WORD));
-        for axis in &mut self.normals {
-            axis[slot] = f64::NAN;
+    /// A chain's next edge starts in its slot at the vertex at hand.
+    #[inline(always)]
+    pub fn rest(&mut self, slot: usize, is_continued: bool) {
+        let (w, bit) = (slot / WORD, slot % WORD);
+        let word = &mut self.words[w];
+        word.continued = word.continued & !(1 << bit) | u64::from(is_continued) << bit;
+        let width = self.words.len();
+        for (row, word) in self.rows[slot * width..][..width].iter_mut().zip(&self.words) {
+            *row = word.above;
         }
+    }
+
+    /// Sets the line of the edge in a slot.
+    #[inline(always)]
+    pub fn show(&mut self, slot: usize, normal: Vec3) {
+        for (axis, value) in self.normals.iter_mut().zip(normal.to_array()) {
+            axis[slot] = value;
+        }
+    }
+
+    /// Lets a slot out of comparisons.
+    #[inline(always)]
+    pub fn hide(&mut self, slot: usize) {
+        self.normals[0][slot] = f32::NAN;
+    }
+
+    /// Frees a slot. What lay above it can be asked until another chain is inserted.
+    pub fn remove(&mut self, slot: usize) {
+        self.hide(slot);
+        self.words[slot / WORD].taken &= !(1 << (slot % WORD));
         if slot + LANES >= self.used {
-            let last = self.taken.iter().rposition(|&word| word != 0);
-            self.used = last.map_or(0, |word| {
-                let end = WORD * (word + 1) - self.taken[word].leading_zeros() as usize;
+            let last = self.words.iter().rposition(|word| word.taken != 0);
+            self.used = last.map_or(0, |w| {
+                let end = WORD * (w + 1) - self.words[w].taken.leading_zeros() as usize;
                 end.next_multiple_of(LANES)
             });
         }
     }
 
-    fn grow(&mut self) {
-        let (old, new) = (self.capacity, (2 * self.capacity).max(WORD));
-        let mut rows = vec![0; new / WORD * new];
-        for word in 0..old / WORD {
-            rows[word * new..word * new + old].copy_from_slice(&self.rows[word * old..(word + 1) * old]);
+    #[cold]
+    fn grow(&mut self) -> usize {
+        let (old, new) = (self.words.len(), (2 * self.words.len()).max(1));
+        let mut rows = vec![0; WORD * new * new];
+        for slot in 0..WORD * old {
+            rows[slot * new..][..old].copy_from_slice(&self.rows[slot * old..][..old]);
         }
         self.rows = rows;
-        self.normals.iter_mut().for_each(|axis| axis.resize(new, f64::NAN));
-        self.jumps.resize(new, 0.0);
-        self.ages.resize(new, 0);
-        self.edges.resize(new, NIL);
-        self.taken.resize(new / WORD, 0);
-        self.capacity = new;
+        self.words.resize(new, Word::default());
+        self.normals.iter_mut().for_each(|axis| axis.resize(WORD * new, f32::NAN));
+        self.chains.resize(WORD * new, u32::MAX);
+        self.crossed.resize(WORD * new, 0);
+        WORD * old
     }
 
-    /// Writes to `above` which edges pass above a unit vector. Returns the sum of their jumps, and whether one of the active
-    /// edges passes so near that this is in doubt.
-    pub fn sides(&self, position: DVec3, above: &mut Vec<u64>) -> (i32, bool) {
-        above.clear();
-        above.resize(self.words(), 0);
+    /// Sum of the jumps of all that is marked as above.
+    #[inline(always)]
+    pub fn jumps_above(&self) -> i32 {
+        self.words.iter().map(|word| word.jumps(word.above)).sum()
+    }
+
+    /// Marks nothing as above.
+    pub fn clear_above(&mut self) {
+        self.words.iter_mut().for_each(|word| word.above = 0);
+    }
+
+    /// Marks a slot as above.
+    pub fn set_above(&mut self, slot: usize) {
+        self.words[slot / WORD].above |= 1 << (slot % WORD);
+    }
+
+    /// Whether one slot lay above another at the last vertex of either.
+    pub fn was_above(&self, slot: usize, other: usize) -> bool {
+        self.rows[slot * self.words.len() + other / WORD] >> (other % WORD) & 1 != 0
+    }
+
+    /// Enters what the edge in a slot, ending at the vertex at hand, has crossed since the last vertices; in the first of
+    /// its bands, or in one in which that above has been asked. Returns the sum of the sizes of jumps that have crossed the edge
+    /// in all its life, as far as this band counts them.
+    #[inline(always)]
+    pub fn cross(&mut self, slot: usize, is_first: bool, size: i32, edge: u32, event: u32) -> i32 {
+        let (w, mine, width) = (slot / WORD, 1 << (slot % WORD), self.words.len());
+        let mut sum = std::mem::take(&mut self.crossed[slot]);
+        for (other, word) in self.words.iter().enumerate() {
+            let was_above = self.rows[slot * width + other];
+            let crossed = (was_above ^ word.above) & word.taken;
+            if crossed == 0 {
+                continue;
+            }
+            let counted = if is_first { crossed } else { crossed & !word.continued };
+            for bit in bits(crossed) {
+                let other = WORD * other + bit;
+                self.rows[other * width + w] ^= mine;
+                self.crossed[other] += if counted >> bit & 1 != 0 { size } else { 0 };
+            }
+            if counted != 0 {
+                sum += word.sizes(counted);
+                let word = other as u32;
+                self.log.push(Crossed { slots: counted, rises: counted & was_above, edge, event, word });
+            }
+        }
+        sum
+    }
+
+    /// Marks which chains pass above a unit vector. Returns whether one passes so near that single precision may be wrong.
+    #[inline(always)]
+    pub fn look(&mut self, position: Vec3) -> bool {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
-            return unsafe { self.sides_avx2(position, above) };
+            return unsafe { self.look_avx2(position) };
         }
-        self.sides_portable(position, above)
+        self.look_portable(position)
     }
 
-    fn sides_portable(&self, position: DVec3, above: &mut [u64]) -> (i32, bool) {
-        let (mut sum, mut is_near) = (0.0, false);
-        for slot in 0..self.used {
-            let normal = DVec3::new(self.normals[0][slot], self.normals[1][slot], self.normals[2][slot]);
-            let height = normal.dot(position);
-            is_near |= height.abs() < DOUBT;
-            if height < 0.0 {
-                set(above, slot);
-                sum += self.jumps[slot];
+    fn look_portable(&mut self, position: Vec3) -> bool {
+        let mut is_near = false;
+        for (w, word) in self.words.iter_mut().enumerate() {
+            word.above = 0;
+            for slot in WORD * w..(WORD * (w + 1)).min(self.used) {
+                let height = self.normals[0][slot] * position.x
+                    + self.normals[1][slot] * position.y
+                    + self.normals[2][slot] * position.z;
+                is_near |= height.abs() < NEAR;
+                word.above |= u64::from(height < 0.0) << (slot % WORD);
             }
         }
-        (sum as i32, is_near)
+        is_near
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn sides_avx2(&self, position: DVec3, above: &mut [u64]) -> (i32, bool) {
+    fn look_avx2(&mut self, position: Vec3) -> bool {
         use std::arch::x86_64::*;
-        let [x, y, z] = position.to_array().map(|value| _mm256_set1_pd(value));
-        let (zero, doubt, sign) = (_mm256_setzero_pd(), _mm256_set1_pd(DOUBT), _mm256_set1_pd(-0.0));
-        let (mut sum, mut near) = (zero, zero);
-        let [nx, ny, nz] = self.normals.each_ref().map(|axis| axis[..self.used].chunks_exact(LANES));
-        let jumps = self.jumps[..self.used].chunks_exact(LANES);
-        for (block, (((nx, ny), nz), jumps)) in nx.zip(ny).zip(nz).zip(jumps).enumerate() {
-            // SAFETY: chunks hold four numbers each.
-            let [nx, ny, nz, jumps] = [nx, ny, nz, jumps].map(|lane| unsafe { _mm256_loadu_pd(lane.as_ptr()) });
-            // In the order of the portable sum.
-            let height = _mm256_add_pd(_mm256_mul_pd(nx, x), _mm256_mul_pd(ny, y));
-            let height = _mm256_add_pd(height, _mm256_mul_pd(nz, z));
-            let is_above = _mm256_cmp_pd::<_CMP_LT_OQ>(height, zero);
-            near = _mm256_or_pd(near, _mm256_cmp_pd::<_CMP_LT_OQ>(_mm256_andnot_pd(sign, height), doubt));
-            sum = _mm256_add_pd(sum, _mm256_and_pd(is_above, jumps));
-            above[block / 16] |= (_mm256_movemask_pd(is_above) as u64) << (LANES * (block % 16));
-        }
-        let mut sums = [0.0; LANES];
-        // SAFETY: the array holds four numbers.
-        unsafe { _mm256_storeu_pd(sums.as_mut_ptr(), sum) };
-        (sums.iter().sum::<f64>() as i32, _mm256_movemask_pd(near) != 0)
-    }
-
-    /// The edges that pass within rounding of a unit vector.
-    pub fn near(&self, position: DVec3) -> impl Iterator<Item = u32> {
-        (0..self.used).filter_map(move |slot| {
-            let normal = DVec3::new(self.normals[0][slot], self.normals[1][slot], self.normals[2][slot]);
-            (normal.dot(position).abs() < DOUBT).then_some(self.edges[slot])
-        })
-    }
-
-    /// Appends to `masks` which edges lay above the edge in `slot` when the younger of the two started.
-    pub fn above_at_start(&self, slot: usize, masks: &mut Vec<u64>) {
-        let first = masks.len();
-        masks.resize(first + self.words(), 0);
-        let above = &mut masks[first..];
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2.
-            unsafe { self.younger_above_avx2(slot, above) };
-            return;
-        }
-        self.younger_above_portable(slot, above);
-    }
-
-    /// Of younger edges it is known which had this one above them: the others are above.
-    fn younger_above_portable(&self, slot: usize, above: &mut [u64]) {
-        let (row, bit) = (slot / WORD * self.capacity, slot % WORD);
-        for (word, above) in above.iter_mut().enumerate() {
-            let (mut younger, mut below) = (0, 0);
-            for (bits, other) in (WORD * word..self.used.min(WORD * (word + 1))).enumerate() {
-                younger |= u64::from(self.ages[other] > self.ages[slot]) << bits;
-                below |= (self.rows[row + other] >> bit & 1) << bits;
+        let [x, y, z] = position.to_array().map(|value| _mm256_set1_ps(value));
+        let (zero, limit, sign) = (_mm256_setzero_ps(), _mm256_set1_ps(NEAR), _mm256_set1_ps(-0.0));
+        let mut near = zero;
+        let [nx, ny, nz] = self.normals.each_ref().map(|axis| axis[..self.used].chunks(WORD));
+        let mut words = self.words.iter_mut();
+        for ((nx, ny), nz) in nx.zip(ny).zip(nz) {
+            let mut above = 0;
+            let blocks = nx.chunks_exact(LANES).zip(ny.chunks_exact(LANES)).zip(nz.chunks_exact(LANES));
+            for (block, ((nx, ny), nz)) in blocks.enumerate() {
+                // SAFETY: chunks hold eight numbers each.
+                let [nx, ny, nz] = [nx, ny, nz].map(|lane| unsafe { _mm256_loadu_ps(lane.as_ptr()) });
+                // In the order of the portable sum.
+                let height = _mm256_add_ps(_mm256_mul_ps(nx, x), _mm256_mul_ps(ny, y));
+                let height = _mm256_add_ps(height, _mm256_mul_ps(nz, z));
+                near = _mm256_or_ps(near, _mm256_cmp_ps::<_CMP_LT_OQ>(_mm256_andnot_ps(sign, height), limit));
+                let is_above = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(height, zero));
+                above |= (is_above as u64) << (LANES * block);
             }
-            *above = self.rows[word * self.capacity + slot] & !younger | !below & younger;
+            if let Some(word) = words.next() {
+                word.above = above;
+            }
         }
+        words.for_each(|word| word.above = 0);
+        _mm256_movemask_ps(near) != 0
     }
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn younger_above_avx2(&self, slot: usize, above: &mut [u64]) {
-        use std::arch::x86_64::*;
-        let (row, bit) = (slot / WORD * self.capacity, slot % WORD);
-        let age = _mm256_set1_epi64x(self.ages[slot]);
-        let to_sign = _mm_cvtsi64_si128((WORD - 1 - bit) as i64);
-        for (word, above) in above.iter_mut().enumerate() {
-            let slots = WORD * word..self.used.min(WORD * (word + 1));
-            let (mut younger, mut below) = (0, 0);
-            if !slots.is_empty() {
-                let ages = self.ages[slots.clone()].chunks_exact(LANES);
-                let rows = self.rows[row + slots.start..row + slots.end].chunks_exact(LANES);
-                for (block, (ages, rows)) in ages.zip(rows).enumerate() {
-                    // SAFETY: chunks hold four numbers each.
-                    let (ages, rows) =
-                        unsafe { (_mm256_loadu_si256(ages.as_ptr().cast()), _mm256_loadu_si256(rows.as_ptr().cast())) };
-                    let is_younger = _mm256_castsi256_pd(_mm256_cmpgt_epi64(ages, age));
-                    let is_below = _mm256_castsi256_pd(_mm256_sll_epi64(rows, to_sign));
-                    younger |= (_mm256_movemask_pd(is_younger) as u64) << (LANES * block);
-                    below |= (_mm256_movemask_pd(is_below) as u64) << (LANES * block);
+    /// The same in double precision: whether some edge passes within rounding, which becomes doubtful.
+    #[cold]
+    pub fn look_closely(&mut self, position: DVec3, chains: &mut [Chain]) -> bool {
+        let mut is_near = false;
+        for (w, word) in self.words.iter_mut().enumerate() {
+            word.above = 0;
+            for bit in bits(word.taken) {
+                let slot = WORD * w + bit;
+                if self.normals[0][slot].is_nan() {
+                    continue;
                 }
-            }
-            *above = self.rows[word * self.capacity + slot] & !younger | !below & younger;
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::visibility::exact::tests::scenes::Random;
-
-    /// Edges come and go, over several words.
-    #[test]
-    fn portable_and_dispatched_kernels_agree_to_the_bit() {
-        let mut random = Random(21);
-        let mut slots = Slots::default();
-        slots.reset();
-        let (mut held, mut above) = (Vec::new(), Vec::new());
-        for step in 0..600 {
-            let w = random.direction();
-            let (sum, is_near) = slots.sides(w, &mut above);
-            let mut portable = vec![0; slots.words()];
-            assert_eq!(slots.sides_portable(w, &mut portable), (sum, is_near));
-            assert_eq!(above, portable);
-            assert!(!is_near && above.iter().zip(slots.taken()).all(|(above, taken)| above & !taken == 0));
-            let jump = if random.number() < 0.5 { -2 } else { 1 };
-            held.push(slots.insert(step, random.direction(), jump, &above));
-            if random.number() < 0.7 * held.len() as f64 / 150.0 {
-                let slot = held.swap_remove((random.number() * held.len() as f64) as usize);
-                let mut masks = vec![0; 3];
-                slots.above_at_start(slot, &mut masks);
-                let mut portable = vec![0; slots.words()];
-                slots.younger_above_portable(slot, &mut portable);
-                assert_eq!(masks.split_off(3), portable);
-                slots.remove(slot);
+                let chain = &mut chains[self.chains[slot] as usize];
+                let height = chain.normal.dot(position);
+                if height.abs() < DOUBT {
+                    (is_near, chain.is_doubtful) = (true, true);
+                }
+                word.above |= u64::from(height < 0.0) << bit;
             }
         }
-        assert!(held.len() > 100 && slots.words() > 1);
-        let on_it = DVec3::new(slots.normals[1][held[0]], -slots.normals[0][held[0]], 0.0).normalize();
-        assert!(slots.sides(on_it, &mut above).1);
-        assert_eq!(slots.near(on_it).collect::<Vec<_>>(), [slots.edge(held[0])]);
+        is_near
     }
 }
