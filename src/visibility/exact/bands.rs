@@ -9,7 +9,7 @@ use super::edges::Edges;
 use super::slots::Slots;
 
 /// Edges that a band should hold at a time.
-const EDGES_PER_BAND: usize = 16;
+const EDGES_PER_BAND: usize = 64;
 const MOST_BANDS: usize = 128;
 /// Equal parts of z from pole to pole, of which bands are made.
 const PARTS: usize = 512;
@@ -32,7 +32,8 @@ pub(super) struct Bands {
 impl Bands {
     /// Makes bands of equal numbers of vertices.
     pub fn reset(&mut self, edges: &Edges) {
-        let count = (edges.mean_active / EDGES_PER_BAND).clamp(1, MOST_BANDS);
+        static E: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("EPB").map_or(EDGES_PER_BAND, |s| s.parse().unwrap()));
+        let count = (edges.mean_active / *E).clamp(1, MOST_BANDS);
         let mut vertices = [0u32; PARTS];
         if count > 1 {
             edges.vertices.iter().for_each(|vertex| vertices[part(vertex.position.z)] += 1);
@@ -117,7 +118,7 @@ impl Bands {
     fn enter(&mut self, id: u32, chain: &Chain, band: usize) {
         let slots = &mut self.slots[band];
         let slot = slots.insert(id, chain.jump, band > chain.first_band.into());
-        slots.show(slot, chain.normal.as_vec3());
+        slots.show(slot, chain.rounded);
         self.slot_of[id as usize * MOST_BANDS + band] = slot as u16;
     }
 
@@ -154,13 +155,16 @@ impl Bands {
             let slot = self.slot(id, band);
             self.slots[band].remove(slot);
         }
-        let normal = next.normal.as_vec3();
         for band in new.clone() {
-            if old.contains(&band) {
-                let slot = self.slot(id, band);
+            let slot = self.slot(id, band);
+            let is_old = old.contains(&band);
+            if is_old && !self.slots[band].is_astray(slot) {
                 self.slots[band].rest(slot, band > next.first_band.into());
-                self.slots[band].show(slot, normal);
+                self.slots[band].show(slot, next.rounded);
             } else {
+                if is_old {
+                    self.slots[band].remove(slot);
+                }
                 self.enter(id, &next, band);
             }
         }
@@ -194,13 +198,13 @@ impl Bands {
     /// Enters all that the edge of a chain, which ends at the vertex last looked from, has crossed. Returns the sum of the sizes of
     /// the jumps of all edges that have crossed it.
     #[inline(always)]
-    pub fn cross(&mut self, id: u32, event: u32) -> i32 {
+    pub fn cross(&mut self, id: u32) -> i32 {
         let chain = self.chains[id as usize];
-        let (size, first) = (chain.jump.abs(), usize::from(chain.first_band));
+        let first = chain.first_band.into();
         let mut sum = 0;
         for band in chain.bands() {
             let slot = self.slot(id, band);
-            sum += self.slots[band].cross(slot, band == first, size, chain.edge, event);
+            sum += self.slots[band].cross(slot, band == first, &chain);
         }
         sum
     }

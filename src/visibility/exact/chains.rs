@@ -1,15 +1,15 @@
 //! Runs of edges of which each starts where the one before ends: they keep their slots in the bands.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// The edge that a chain has come to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chain {
     pub edge: u32,
-    /// Number of the event at which it started.
-    pub since: u32,
-    /// Its normal and first point.
+    /// Its normal; the same of unit length, rounded.
     pub normal: DVec3,
+    pub rounded: Vec3,
+    /// Its first point.
     pub start: DVec3,
     pub starts_above_horizon: bool,
     /// Some vertex could not be told to be above or below of it.

@@ -76,10 +76,12 @@ impl Edges {
             return Err(Doubt);
         }
         let (first_band, last_band) = bands.range(start, self.end(edge));
+        // Nothing becomes of no direction.
+        let scale = (edge.normal.length_squared() as f32).sqrt().recip().min(f32::MAX);
         Ok(Chain {
             edge: id,
-            since: 0,
             normal: edge.normal,
+            rounded: edge.normal.as_vec3() * scale,
             start,
             starts_above_horizon: true,
             is_doubtful: false,
@@ -165,23 +167,22 @@ impl Masks<'_> {
     fn vertices_inline(&mut self) -> Result<(), Doubt> {
         let edges = self.edges;
         for (rank, vertex) in edges.vertices.iter().enumerate() {
-            let event = rank as u32 + 1;
             let starts = Edges::starts(&edges.vertices, &edges.edges, rank);
             if vertex.ends != NIL && starts.len() == 1 {
                 let (ended, started) = (&edges.edges[vertex.ends as usize], &edges.edges[starts.start as usize]);
                 if ended.next_end == NIL && ended.jump == started.jump {
-                    self.proceed(event, vertex, starts.start)?;
+                    self.proceed(vertex, starts.start)?;
                     continue;
                 }
             }
-            self.branch(event, vertex, starts)?;
+            self.branch(vertex, starts)?;
         }
         Ok(())
     }
 
     /// One edge ends at a vertex, and another takes its place.
     #[inline(always)]
-    fn proceed(&mut self, event: u32, vertex: &Vertex, started: u32) -> Result<(), Doubt> {
+    fn proceed(&mut self, vertex: &Vertex, started: u32) -> Result<(), Doubt> {
         let Buffers { bands, pieces, chains, .. } = &mut *self.buffers;
         let is_above_horizon = vertex.height > 0.0;
         let id = chains[vertex.ends as usize];
@@ -195,15 +196,14 @@ impl Masks<'_> {
         let depth = self.depth_at_pole + bands.jumps_above(bands.band(vertex.position.z));
         let ending = Ending {
             id,
-            crossed: bands.cross(id, event),
+            crossed: bands.cross(id),
             chain: &bands.chains[id as usize],
             end: vertex.position,
             ends_above_horizon: is_above_horizon,
             depth_above: depth,
         };
         pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
-        (next.since, next.above) = (event, depth);
-        (next.starts_above_horizon, next.is_doubtful) = (is_above_horizon, is_near);
+        (next.above, next.starts_above_horizon, next.is_doubtful) = (depth, is_above_horizon, is_near);
         bands.proceed(id, next);
         chains[started as usize] = id;
         if bands.is_crowded(first..=last) { Err(Doubt) } else { Ok(()) }
@@ -211,7 +211,7 @@ impl Masks<'_> {
 
     /// Any number of edges end and start at a vertex.
     #[inline(always)]
-    fn branch(&mut self, event: u32, vertex: &Vertex, starts: Range<u32>) -> Result<(), Doubt> {
+    fn branch(&mut self, vertex: &Vertex, starts: Range<u32>) -> Result<(), Doubt> {
         let Buffers { bands, pieces, ends, chains, .. } = &mut *self.buffers;
         let is_above_horizon = vertex.height > 0.0;
         let band = bands.band(vertex.position.z);
@@ -259,7 +259,7 @@ impl Masks<'_> {
             let depth_above = depth + siblings.map(|&other| bands.chains[other as usize].jump).sum::<i32>();
             let ending = Ending {
                 id,
-                crossed: bands.cross(id, event),
+                crossed: bands.cross(id),
                 chain: &bands.chains[id as usize],
                 end: vertex.position,
                 ends_above_horizon: is_above_horizon,
@@ -268,14 +268,13 @@ impl Masks<'_> {
             pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
         }
         ends.iter().for_each(|&id| bands.free(id));
-        self.start(event, vertex, starts, depth, is_near)?;
+        self.start(vertex, starts, depth, is_near)?;
         if self.buffers.bands.is_crowded(range) { Err(Doubt) } else { Ok(()) }
     }
 
     /// Starts edges at a vertex.
     fn start(
         &mut self,
-        event: u32,
         vertex: &Vertex,
         starts: Range<u32>,
         depth: i32,
@@ -288,8 +287,8 @@ impl Masks<'_> {
         let mut above = depth;
         for (i, (&id, &is_doubtful)) in starts.iter().zip(&*doubts).enumerate() {
             let mut chain = self.edges.chain(id, vertex.position, bands)?;
-            (chain.since, chain.above) = (event, above);
-            (chain.starts_above_horizon, chain.is_doubtful) = (vertex.height > 0.0, is_doubtful);
+            (chain.above, chain.starts_above_horizon) = (above, vertex.height > 0.0);
+            chain.is_doubtful = is_doubtful;
             above += chain.jump;
             let chain = bands.insert(chain);
             chains[id as usize] = chain;
@@ -345,7 +344,7 @@ impl Masks<'_> {
             bands.remove(id);
             let ending = Ending {
                 id,
-                crossed: bands.cross(id, u32::MAX),
+                crossed: bands.cross(id),
                 chain: &bands.chains[id as usize],
                 end,
                 ends_above_horizon: height > 0.0,

@@ -1,6 +1,6 @@
 //! The visible pieces of edges, and of the horizon.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::bands::Bands;
 use super::chains::Chain;
@@ -8,7 +8,7 @@ use super::chart::{Chart, TURN_END, azimuth};
 use super::edges::{Edge, Edges, on_line};
 use super::masks::Doubt;
 use super::region::Region;
-use super::slots::{DOUBT, bits};
+use super::slots::{Crossed, DOUBT, NEAR};
 
 /// The end of a chain's edge.
 pub(super) struct Ending<'a> {
@@ -25,8 +25,9 @@ pub(super) struct Ending<'a> {
 /// A crossing on an edge.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    /// The other edge.
+    /// The other edge, and its normal, rounded.
     edge: u32,
+    normal: Vec3,
     /// Change of W just above the edge, in the direction of the sweep.
     change: i32,
 }
@@ -73,29 +74,27 @@ fn side(above: i32, jump: i32) -> i8 {
 const PARTS: usize = 32;
 
 /// How W may fall along an edge, wherever within their errors its crossings are.
-struct Worst<'a> {
-    edges: &'a Edges,
-    ends: (DVec3, DVec3),
+struct Worst {
+    ends: (Vec3, Vec3),
     falls: [i32; PARTS],
     rises: [i32; PARTS],
 }
 
-impl<'a> Worst<'a> {
-    fn new(edges: &'a Edges, ends: (DVec3, DVec3)) -> Self {
-        Self { edges, ends, falls: [0; PARTS], rises: [0; PARTS] }
+impl Worst {
+    fn new((start, end): (DVec3, DVec3)) -> Self {
+        Self { ends: (start.as_vec3(), end.as_vec3()), falls: [0; PARTS], rises: [0; PARTS] }
     }
 
     /// Adds a crossing.
     #[inline(always)]
-    fn add(&mut self, edge: u32, change: i32) {
-        let normal = self.edges.edges[edge as usize].normal;
+    fn add(&mut self, &Crossing { normal, change, .. }: &Crossing) {
         let (a, b) = (normal.dot(self.ends.0), normal.dot(self.ends.1));
-        let parts = PARTS as f64 / (a - b);
-        let (at, error) = (a * parts, DOUBT * parts.abs());
+        let parts = PARTS as f32 / (a - b);
+        let (at, error) = (a * parts, 2.0 * NEAR * parts.abs());
         if change < 0 {
             // What is no number falls first.
             self.falls[((at - error) as usize).min(PARTS - 1)] += change;
-        } else if at + error < PARTS as f64 {
+        } else if at + error < PARTS as f32 {
             self.rises[(at + error) as usize] += change;
         }
     }
@@ -150,7 +149,7 @@ impl Pieces {
     ) -> Result<(), Doubt> {
         let chain = ending.chain;
         let edge = &edges.edges[chain.edge as usize];
-        self.find(edges, bands, ending);
+        self.find(bands, ending);
         let depth = match chain.starts_above_horizon {
             true => chain.above,
             false => ending.depth_above - self.found.iter().map(|crossing| crossing.change).sum::<i32>(),
@@ -161,8 +160,8 @@ impl Pieces {
         }
         let ends = (chain.start, ending.end);
         if deepest > 0 {
-            let mut worst = Worst::new(edges, ends);
-            self.found.iter().for_each(|crossing| worst.add(crossing.edge, crossing.change));
+            let mut worst = Worst::new(ends);
+            self.found.iter().for_each(|crossing| worst.add(crossing));
             if worst.stays_above_zero(deepest) {
                 return Ok(());
             }
@@ -179,31 +178,24 @@ impl Pieces {
     }
 
     /// Lists the crossings of an edge: those found when others ended, and those found now.
-    fn find(&mut self, edges: &Edges, bands: &Bands, &Ending { id, chain, .. }: &Ending) {
+    fn find(&mut self, bands: &Bands, &Ending { id, chain, .. }: &Ending) {
         self.found.clear();
         for band in chain.bands() {
-            let (slots, slot) = (&bands.slots[band], bands.slot(id, band));
-            let (word, bit) = (slot / 64, slot % 64);
-            for crossed in slots.crossed_since(chain.since) {
-                if crossed.edge == chain.edge {
-                    for bit in bits(crossed.slots) {
-                        let other = bands.chains[slots.chain(crossed.word, bit) as usize];
-                        let change = if crossed.rises >> bit & 1 != 0 { -other.jump } else { other.jump };
-                        self.found.push(Crossing { edge: other.edge, change });
-                    }
-                } else if crossed.word as usize == word && crossed.slots >> bit & 1 != 0 {
-                    let jump = edges.edges[crossed.edge as usize].jump;
-                    let change = if crossed.rises >> bit & 1 != 0 { jump } else { -jump };
-                    self.found.push(Crossing { edge: crossed.edge, change });
-                }
-            }
+            let slots = &bands.slots[band];
+            slots.each_crossed(bands.slot(id, band), |&Crossed { edge, normal, change, .. }| {
+                self.found.push(Crossing { edge, normal, change });
+            });
+            slots.each_crossing(|other, normal, change| {
+                let edge = bands.chains[other as usize].edge;
+                self.found.push(Crossing { edge, normal, change });
+            });
         }
     }
 
     /// Finds where an edge is crossed.
     fn locate(&mut self, edges: &Edges, edge: &Edge, (start, end): (DVec3, DVec3)) {
         self.places.clear();
-        for &Crossing { edge: other, change } in &self.found {
+        for &Crossing { edge: other, change, .. } in &self.found {
             let other = &edges.edges[other as usize];
             // On the one or the other, but for both the same point.
             let (point, error) = if (edge.start, edge.end) < (other.start, other.end) {

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::chains::Chain;
+use super::edges::NIL;
 
 /// Bits of a word of a mask.
 const WORD: usize = u64::BITS as usize;
@@ -16,8 +17,8 @@ pub(super) const MOST_JUMP: u32 = (1 << DIGITS) - 1;
 /// A vertex within this distance of an edge's line, times the edge's length, may be on either side of it: normals and unit
 /// vectors are known to a few 1e-16.
 pub(super) const DOUBT: f64 = 2e-15;
-/// The same in single precision: five roundings of 6e-8 each.
-const NEAR: f32 = 4e-7;
+/// The same in single precision, with unit normals: ten roundings of 6e-8 each.
+pub(super) const NEAR: f32 = 6e-7;
 
 /// Sixty-four slots, a bit of every mask each.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,7 +62,7 @@ fn count(mask: u64) -> i32 {
 
 /// The numbers of the bits that are set.
 #[inline(always)]
-pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
+fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = mask.trailing_zeros() as usize;
         (mask != 0).then(|| {
@@ -71,16 +72,49 @@ pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Crossings of an edge that has ended with those in one word of slots.
+/// A crossing of the edge in a slot with one that has ended.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossed {
-    /// Which it has crossed, and which of them were above it before.
-    pub slots: u64,
-    pub rises: u64,
-    /// The edge that ended, and when.
+    /// The edge that has ended, and its normal, rounded.
     pub edge: u32,
-    pub event: u32,
-    pub word: u32,
+    pub normal: Vec3,
+    /// Change of W just above the one in the slot, in the direction of the sweep.
+    pub change: i32,
+    /// The crossing found before.
+    next: u32,
+}
+
+/// What the edge that ended last has crossed, in one word of slots.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    word: usize,
+    slots: u64,
+    /// Which of them were above it before.
+    rises: u64,
+}
+
+/// Sets one bit of each row to that of a mask.
+#[inline(always)]
+fn set_column(rows: &mut [u64], bit: usize, mask: u64) {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { set_column_avx2(rows, bit, mask) };
+    }
+    set_column_inline(rows, bit, mask);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn set_column_avx2(rows: &mut [u64], bit: usize, mask: u64) {
+    set_column_inline(rows, bit, mask);
+}
+
+#[inline(always)]
+fn set_column_inline(rows: &mut [u64], bit: usize, mask: u64) {
+    for (other, row) in rows.iter_mut().enumerate() {
+        *row = *row & !(1 << bit) | (mask >> other & 1) << bit;
+    }
 }
 
 /// The slots of one band. A slot is free again when its chain has left the band.
@@ -92,12 +126,13 @@ pub(super) struct Slots {
     /// Normals by coordinate: not a number where there is nothing to be compared, so that every comparison fails.
     normals: [Vec<f32>; 3],
     chains: Vec<u32>,
-    /// Word w of slot s at `s * words + w`: which chains lay above that in the slot at the last vertex of either.
+    /// Word w of slot s at `w * capacity + s`: which chains lay above that in the slot at the last vertex of either.
     rows: Vec<u64>,
-    /// Sizes of the jumps of the edges that have crossed that in the slot and then ended.
-    crossed: Vec<i32>,
-    /// All crossings, in the order in which they were found.
-    log: Vec<Crossed>,
+    /// Of the edge in a slot, the crossings with edges that have ended: the sum of the sizes of their jumps, and the last one.
+    sizes: Vec<i32>,
+    lasts: Vec<u32>,
+    crossed: Vec<Crossed>,
+    crossing: Vec<Crossing>,
 }
 
 impl Slots {
@@ -106,13 +141,13 @@ impl Slots {
         self.used = 0;
         self.words.fill(Word::default());
         self.normals[0].fill(f32::NAN);
-        self.log.clear();
+        self.crossed.clear();
     }
 
     /// Whether keeping order would be better than comparing one by one.
     pub fn is_crowded(&self) -> bool {
         const MOST: usize = 4096;
-        self.chains.len() > MOST
+        self.capacity() > MOST
     }
 
     /// The chains in all slots taken.
@@ -120,36 +155,72 @@ impl Slots {
         self.words.iter().enumerate().flat_map(move |(w, word)| bits(word.taken).map(move |bit| self.chains[WORD * w + bit]))
     }
 
-    /// The chain in a slot of a word.
-    pub fn chain(&self, word: u32, bit: usize) -> u32 {
-        self.chains[WORD * word as usize + bit]
+    /// Words of the slots up to the last one taken.
+    #[inline(always)]
+    fn width(&self) -> usize {
+        self.used.div_ceil(WORD)
     }
 
-    /// The crossings found after an event, the last first.
+    /// Whether a chain keeps others from being compared faster: it is the last one, far behind a free slot.
     #[inline(always)]
-    pub fn crossed_since(&self, event: u32) -> impl Iterator<Item = &Crossed> {
-        self.log.iter().rev().take_while(move |crossed| crossed.event > event)
+    pub fn is_astray(&self, slot: usize) -> bool {
+        slot + LANES >= self.used && self.free() + 2 * LANES < slot
+    }
+
+    /// The first free slot, if there is one.
+    #[inline(always)]
+    fn free(&self) -> usize {
+        let word = self.words.iter().position(|word| word.taken != u64::MAX);
+        word.map_or(self.capacity(), |word| WORD * word + self.words[word].taken.trailing_ones() as usize)
+    }
+
+    fn capacity(&self) -> usize {
+        self.chains.len()
+    }
+
+    /// Calls back for the crossings of the edge in a slot with others that have ended.
+    #[inline(always)]
+    pub fn each_crossed(&self, slot: usize, mut found: impl FnMut(&Crossed)) {
+        let mut last = self.lasts[slot];
+        while let Some(crossed) = self.crossed.get(last as usize) {
+            found(crossed);
+            last = crossed.next;
+        }
+    }
+
+    /// Calls back for what the edge that ended last has crossed: chain, normal, and change of W just above it.
+    #[inline(always)]
+    pub fn each_crossing(&self, mut found: impl FnMut(u32, Vec3, i32)) {
+        for &Crossing { word: w, slots, rises } in &self.crossing {
+            for bit in bits(slots) {
+                let slot = WORD * w + bit;
+                let [x, y, z] = self.normals.each_ref().map(|axis| axis[slot]);
+                let jump = self.words[w].jumps(1 << bit);
+                let change = if rises >> bit & 1 != 0 { -jump } else { jump };
+                found(self.chains[slot], Vec3::new(x, y, z), change);
+            }
+        }
     }
 
     /// Takes a free slot for a chain; its edge starts at the vertex at hand, or below what is marked as above.
     pub fn insert(&mut self, chain: u32, jump: i32, is_continued: bool) -> usize {
-        let slot = match self.words.iter().position(|word| word.taken != u64::MAX) {
-            Some(word) => WORD * word + self.words[word].taken.trailing_ones() as usize,
-            None => self.grow(),
-        };
-        self.used = self.used.max((slot / LANES + 1) * LANES);
+        let slot = self.free();
+        if slot == self.capacity() {
+            self.grow();
+        }
         let (w, bit) = (slot / WORD, slot % WORD);
+        let old = self.width();
+        self.used = self.used.max((slot / LANES + 1) * LANES);
+        // These have not been looked at.
+        self.words[old.min(w + 1)..=w].iter_mut().for_each(|word| word.above = 0);
         let word = &mut self.words[w];
         word.taken |= 1 << bit;
         word.set_jump(bit, jump);
         self.chains[slot] = chain;
-        self.crossed[slot] = 0;
         // It is above those that are not above it.
-        let width = self.words.len();
-        for (other, row) in self.rows.chunks_exact_mut(width).enumerate().take(self.used) {
-            let is_above = self.words[other / WORD].above >> (other % WORD) & 1;
-            row[w] = row[w] & !(1 << bit) | (1 ^ is_above) << bit;
-        }
+        let width = self.width();
+        let rows = self.rows[w * self.chains.len()..][..WORD * width].chunks_exact_mut(WORD);
+        rows.zip(&self.words).for_each(|(rows, word)| set_column(rows, bit, !word.above));
         self.rest(slot, is_continued);
         slot
     }
@@ -160,9 +231,10 @@ impl Slots {
         let (w, bit) = (slot / WORD, slot % WORD);
         let word = &mut self.words[w];
         word.continued = word.continued & !(1 << bit) | u64::from(is_continued) << bit;
-        let width = self.words.len();
-        for (row, word) in self.rows[slot * width..][..width].iter_mut().zip(&self.words) {
-            *row = word.above;
+        (self.sizes[slot], self.lasts[slot]) = (0, NIL);
+        let capacity = self.capacity();
+        for (w, word) in self.words[..self.width()].iter().enumerate() {
+            self.rows[w * capacity + slot] = word.above;
         }
     }
 
@@ -194,24 +266,26 @@ impl Slots {
     }
 
     #[cold]
-    fn grow(&mut self) -> usize {
-        let (old, new) = (self.words.len(), (2 * self.words.len()).max(1));
-        let mut rows = vec![0; WORD * new * new];
-        for slot in 0..WORD * old {
-            rows[slot * new..][..old].copy_from_slice(&self.rows[slot * old..][..old]);
+    fn grow(&mut self) {
+        let old = self.capacity();
+        let words = (2 * self.words.len()).max(1);
+        let new = WORD * words;
+        let mut rows = vec![0; words * new];
+        for w in 0..self.words.len() {
+            rows[w * new..][..old].copy_from_slice(&self.rows[w * old..][..old]);
         }
         self.rows = rows;
-        self.words.resize(new, Word::default());
-        self.normals.iter_mut().for_each(|axis| axis.resize(WORD * new, f32::NAN));
-        self.chains.resize(WORD * new, u32::MAX);
-        self.crossed.resize(WORD * new, 0);
-        WORD * old
+        self.words.resize(words, Word::default());
+        self.normals.iter_mut().for_each(|axis| axis.resize(new, f32::NAN));
+        self.chains.resize(new, NIL);
+        self.sizes.resize(new, 0);
+        self.lasts.resize(new, NIL);
     }
 
     /// Sum of the jumps of all that is marked as above.
     #[inline(always)]
     pub fn jumps_above(&self) -> i32 {
-        self.words.iter().map(|word| word.jumps(word.above)).sum()
+        self.words[..self.width()].iter().map(|word| word.jumps(word.above)).sum()
     }
 
     /// Marks nothing as above.
@@ -226,33 +300,37 @@ impl Slots {
 
     /// Whether one slot lay above another at the last vertex of either.
     pub fn was_above(&self, slot: usize, other: usize) -> bool {
-        self.rows[slot * self.words.len() + other / WORD] >> (other % WORD) & 1 != 0
+        self.rows[other / WORD * self.capacity() + slot] >> (other % WORD) & 1 != 0
     }
 
     /// Enters what the edge in a slot, ending at the vertex at hand, has crossed since the last vertices; in the first of
     /// its bands, or in one in which that above has been asked. Returns the sum of the sizes of jumps that have crossed the edge
     /// in all its life, as far as this band counts them.
     #[inline(always)]
-    pub fn cross(&mut self, slot: usize, is_first: bool, size: i32, edge: u32, event: u32) -> i32 {
-        let (w, mine, width) = (slot / WORD, 1 << (slot % WORD), self.words.len());
-        let mut sum = std::mem::take(&mut self.crossed[slot]);
-        for (other, word) in self.words.iter().enumerate() {
-            let was_above = self.rows[slot * width + other];
+    pub fn cross(&mut self, slot: usize, is_first: bool, chain: &Chain) -> i32 {
+        let (w, mine, capacity) = (slot / WORD, 1 << (slot % WORD), self.capacity());
+        let (size, normal) = (chain.jump.abs(), chain.rounded);
+        let mut sum = self.sizes[slot];
+        self.crossing.clear();
+        for (other, word) in self.words[..self.used.div_ceil(WORD)].iter().enumerate() {
+            let was_above = self.rows[other * capacity + slot];
             let crossed = (was_above ^ word.above) & word.taken;
             if crossed == 0 {
                 continue;
             }
             let counted = if is_first { crossed } else { crossed & !word.continued };
             for bit in bits(crossed) {
+                self.rows[w * capacity + WORD * other + bit] ^= mine;
+            }
+            for bit in bits(counted) {
                 let other = WORD * other + bit;
-                self.rows[other * width + w] ^= mine;
-                self.crossed[other] += if counted >> bit & 1 != 0 { size } else { 0 };
+                self.sizes[other] += size;
+                let next = std::mem::replace(&mut self.lasts[other], self.crossed.len() as u32);
+                let change = if was_above >> bit & 1 != 0 { chain.jump } else { -chain.jump };
+                self.crossed.push(Crossed { edge: chain.edge, normal, change, next });
             }
-            if counted != 0 {
-                sum += word.sizes(counted);
-                let word = other as u32;
-                self.log.push(Crossed { slots: counted, rises: counted & was_above, edge, event, word });
-            }
+            sum += word.sizes(counted);
+            self.crossing.push(Crossing { word: other, slots: counted, rises: was_above });
         }
         sum
     }
@@ -309,7 +387,6 @@ impl Slots {
                 word.above = above;
             }
         }
-        words.for_each(|word| word.above = 0);
         _mm256_movemask_ps(near) != 0
     }
 
