@@ -6,20 +6,13 @@ use glam::DVec3;
 
 use super::chains::Chain;
 use super::edges::Edges;
+use super::latitudes::MOST_BANDS;
 use super::slots::Slots;
-
-/// Edges that a band should hold at a time.
-const EDGES_PER_BAND: usize = 64;
-const MOST_BANDS: usize = 128;
-/// Equal parts of z from pole to pole, of which bands are made.
-const PARTS: usize = 512;
 
 /// The active chains, each in all bands that it comes into.
 #[derive(Debug, Default)]
 pub(super) struct Bands {
     pub slots: Vec<Slots>,
-    /// Band of each part of z.
-    band_of: Vec<u8>,
     /// For each band, sum of the jumps of the chains that lie above it.
     jumps_above: Vec<i32>,
     pub chains: Vec<Chain>,
@@ -27,59 +20,34 @@ pub(super) struct Bands {
     free: Vec<u32>,
     /// The slot of chain c in band b at `c * MOST_BANDS + b`.
     slot_of: Vec<u16>,
+    /// Some band has held more than is good.
+    pub is_crowded: bool,
 }
 
 impl Bands {
-    /// Makes bands of equal numbers of vertices.
-    pub fn reset(&mut self, edges: &Edges) {
-        static E: std::sync::LazyLock<usize> = std::sync::LazyLock::new(|| std::env::var("EPB").map_or(EDGES_PER_BAND, |s| s.parse().unwrap()));
-        let count = (edges.mean_active / *E).clamp(1, MOST_BANDS);
-        let mut vertices = [0u32; PARTS];
-        if count > 1 {
-            edges.vertices.iter().for_each(|vertex| vertices[part(vertex.position.z)] += 1);
-        }
-        self.band_of.clear();
-        let (mut before, total) = (0, edges.vertices.len().max(1));
-        for vertices in vertices {
-            self.band_of.push((before as usize * count / total).min(count - 1) as u8);
-            before += vertices;
-        }
+    /// Empties all bands.
+    pub fn reset(&mut self, count: usize) {
         self.slots.resize_with(self.slots.len().max(count), Slots::default);
         self.slots[..count].iter_mut().for_each(Slots::reset);
         self.jumps_above.clear();
         self.jumps_above.resize(count, 0);
         self.chains.clear();
         self.free.clear();
+        self.is_crowded = false;
     }
 
     fn count(&self) -> usize {
         self.jumps_above.len()
     }
 
-    /// The band of a unit vector with this z.
-    #[inline(always)]
-    pub fn band(&self, z: f64) -> u8 {
-        self.band_of[part(z)]
-    }
-
-    /// First and last band that an edge between two points comes into.
-    #[inline(always)]
-    pub fn range(&self, start: DVec3, end: DVec3) -> (u8, u8) {
-        // An arc is no further from its chord than half the square of half its length, and z of the chord is between those of
-        // its ends; for rounding add a little.
-        let bulge = 0.25 * start.distance_squared(end) + 1e-14;
-        let (low, high) = (start.z.min(end.z) - bulge, start.z.max(end.z) + bulge);
-        (self.band(high), self.band(low))
-    }
-
     /// Asks the edges in some bands which of them pass above a unit vector; whether that is in doubt for one.
     #[inline(always)]
-    pub fn look(&mut self, position: DVec3, bands: RangeInclusive<usize>) -> bool {
+    pub fn look(&mut self, edges: &Edges, position: DVec3, bands: RangeInclusive<usize>) -> bool {
         let mut is_near = false;
         let rounded = position.as_vec3();
         for slots in &mut self.slots[bands] {
             if slots.look(rounded) {
-                is_near |= slots.look_closely(position, &mut self.chains);
+                is_near |= slots.look_closely(position, edges, &mut self.chains);
             }
         }
         is_near
@@ -118,7 +86,8 @@ impl Bands {
     fn enter(&mut self, id: u32, chain: &Chain, band: usize) {
         let slots = &mut self.slots[band];
         let slot = slots.insert(id, chain.jump, band > chain.first_band.into());
-        slots.show(slot, chain.rounded);
+        slots.show(slot, chain.normal);
+        self.is_crowded |= slots.is_crowded();
         self.slot_of[id as usize * MOST_BANDS + band] = slot as u16;
     }
 
@@ -160,7 +129,7 @@ impl Bands {
             let is_old = old.contains(&band);
             if is_old && !self.slots[band].is_astray(slot) {
                 self.slots[band].rest(slot, band > next.first_band.into());
-                self.slots[band].show(slot, next.rounded);
+                self.slots[band].show(slot, next.normal);
             } else {
                 if is_old {
                     self.slots[band].remove(slot);
@@ -200,7 +169,7 @@ impl Bands {
     #[inline(always)]
     pub fn cross(&mut self, id: u32) -> i32 {
         let chain = self.chains[id as usize];
-        let first = chain.first_band.into();
+        let first = usize::from(chain.first_band);
         let mut sum = 0;
         for band in chain.bands() {
             let slot = self.slot(id, band);
@@ -216,15 +185,4 @@ impl Bands {
             chains.filter(move |&chain| usize::from(self.chains[chain as usize].first_band) == band)
         })
     }
-
-    /// Whether some band holds more than is good.
-    #[inline(always)]
-    pub fn is_crowded(&self, bands: RangeInclusive<usize>) -> bool {
-        self.slots[bands].iter().any(Slots::is_crowded)
-    }
-}
-
-#[inline(always)]
-fn part(z: f64) -> usize {
-    ((1.0 - z) * (PARTS as f64 / 2.0)).clamp(0.0, PARTS as f64 - 1.0) as usize
 }

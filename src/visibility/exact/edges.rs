@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
+use super::latitudes::Latitudes;
 use super::ranks::Ranks;
 use crate::visibility::{Arc, ReceiverContours};
 
@@ -16,8 +17,6 @@ pub(super) const TOP: u32 = 0;
 const HORIZON_EDGE: u32 = 1;
 /// The second vertex of edges that reach the seam.
 pub(super) const SEAM: u32 = u32::MAX;
-/// Not a landmark.
-pub(super) const NO_LANDMARK: u16 = u16::MAX;
 /// Jump of the horizon: more than any scene's depth, so nothing below it is visible.
 pub(super) const HORIZON_JUMP: i32 = 1 << 29;
 
@@ -35,9 +34,8 @@ pub(super) struct Vertex {
     pub starts: u32,
 }
 
-/// A piece of a contour, from its first vertex to its second in the order of azimuth. One cache line.
+/// A piece of a contour, from its first vertex to its second in the order of azimuth.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(64))]
 pub(super) struct Edge {
     /// first x second in chart coordinates, about as long as the edge: positive above the edge. Zero for edges too short to
     /// have a direction: they are points, on neither side of which anything lies.
@@ -45,40 +43,19 @@ pub(super) struct Edge {
     /// First and second vertex, or SEAM.
     pub start: u32,
     pub end: u32,
-    /// Neighbours in the status, downwards and upwards.
-    pub next: u32,
-    pub prev: u32,
-    /// W just above.
-    pub above: i32,
     /// Change of W on crossing it downwards.
     pub jump: i32,
     /// Index of the contours' arc it is a piece of, NIL for the pole and the horizon.
     pub source: u32,
     pub next_end: u32,
-    /// Place among the landmarks of the status, if it is one.
-    pub landmark: u16,
-    /// Side of the edge on which W = 0 alone (+1 above, -1 below, 0 neither or both).
-    pub visible: i8,
-    /// The same for W < 0.
-    pub negative: i8,
+    /// The bands of latitude that it comes into.
+    pub first_band: u8,
+    pub last_band: u8,
 }
 
 impl Edge {
     fn new(normal: DVec3, jump: i32, source: u32) -> Self {
-        Self {
-            normal,
-            start: SEAM,
-            end: SEAM,
-            next: NIL,
-            prev: NIL,
-            above: 0,
-            jump,
-            source,
-            next_end: NIL,
-            landmark: NO_LANDMARK,
-            visible: 0,
-            negative: 0,
-        }
+        Self { normal, start: SEAM, end: SEAM, jump, source, next_end: NIL, first_band: 0, last_band: 0 }
     }
 }
 
@@ -115,17 +92,20 @@ pub(super) struct Edges {
     pub horizon: u32,
     /// Directions that are zero or not finite.
     pub bad: u32,
-    /// Edges that are active at a vertex, in the mean.
-    pub mean_active: usize,
-    /// The vertices by first use.
+    /// The largest size of a jump.
+    pub steepest: u32,
+    pub latitudes: Latitudes,
+    /// The vertices by first use, and one over the lengths of their directions.
     unsorted: Vec<Vertex>,
-    /// From the contours' directions to `unsorted`; later from there to `vertices`.
+    inverses: Vec<f64>,
+    /// From the contours' directions to `unsorted`, and from there to `vertices`.
     places: Vec<u32>,
-    ranks: Ranks,
+    ranks: Vec<u32>,
+    order: Ranks,
     spans: Vec<Span>,
 }
 
-/// An arc of the contours that is not left out, by the places of its vertices.
+/// An arc of the contours that is not left out, by the places of its vertices among the unsorted.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     arc: u32,
@@ -135,6 +115,9 @@ struct Span {
     is_forward: bool,
     wraps: bool,
 }
+
+/// Edges that a band should hold at a time.
+const EDGES_PER_BAND: usize = 64;
 
 impl Edges {
     /// Fills this from contours. Arcs between two vertices below the horizon are left out. With `lenient`, edges that meet
@@ -166,25 +149,34 @@ impl Edges {
             start += count;
         }
 
+        self.steepest = 0;
         for i in 0..self.spans.len() {
             let Span { arc: source, first, second, is_forward, wraps } = self.spans[i];
             let arc = &contours.arcs[source as usize];
-            let forward = chart.local(normal(contours, arc));
+            let [start, end] = [first, second].map(|place| self.unsorted[place as usize].position);
+            let cosine = start.dot(end);
+            let forward = chart.local(self.normal(contours, arc, cosine));
             let (normal, jump) = if is_forward { (forward, arc.jump) } else { (-forward, -arc.jump) };
             if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {
                 return Err(MeetsPole);
             }
-            let edge = Edge { start: first, ..Edge::new(normal, jump, source) };
+            self.steepest = self.steepest.max(jump.unsigned_abs());
+            let [first, second] = [first, second].map(|place| self.ranks[place as usize]);
+            let mut edge = Edge { start: first, ..Edge::new(normal, jump, source) };
             // Until all edges have their place, `starts` is where the next one goes.
             let next_place = &mut self.vertices[first as usize].starts;
             let place = *next_place;
             *next_place += 1;
             if wraps {
+                let at_seam = on_seam(normal);
+                (edge.first_band, edge.last_band) = self.latitudes.range(start, at_seam);
                 self.edges[place as usize] = edge;
+                (edge.first_band, edge.last_band) = self.latitudes.range(at_seam, end);
                 self.end_at(seam, Edge { start: SEAM, ..edge }, second);
                 self.at_seam.push(seam);
                 seam += 1;
             } else {
+                (edge.first_band, edge.last_band) = self.latitudes.range(start, end);
                 self.end_at(place, edge, second);
             }
         }
@@ -204,7 +196,12 @@ impl Edges {
 
     /// First and last point of an edge.
     pub fn ends(&self, edge: &Edge) -> (DVec3, DVec3) {
-        (self.point(edge, edge.start), self.end(edge))
+        (self.start(edge), self.end(edge))
+    }
+
+    /// First point of an edge.
+    pub fn start(&self, edge: &Edge) -> DVec3 {
+        self.point(edge, edge.start)
     }
 
     /// Last point of an edge.
@@ -225,8 +222,8 @@ impl Edges {
             Ordering::Equal if l.end == SEAM => on_seam(u.normal).z - on_seam(l.normal).z,
             // They enclose nothing.
             Ordering::Equal => f64::INFINITY,
-            Ordering::Less => -u.normal.dot(self.ends(l).1),
-            Ordering::Greater => l.normal.dot(self.ends(u).1),
+            Ordering::Less => -u.normal.dot(self.end(l)),
+            Ordering::Greater => l.normal.dot(self.end(u)),
         }
     }
 
@@ -241,6 +238,7 @@ impl Edges {
         self.bad = 0;
         self.spans.clear();
         self.unsorted.clear();
+        self.inverses.clear();
         self.places.clear();
         self.places.resize(contours.directions.len(), NIL);
         let height = |v: u32| if has_horizon { contours.heights[v as usize] } else { 1.0 };
@@ -265,43 +263,72 @@ impl Edges {
         let place = &mut self.places[vertex as usize];
         if *place == NIL {
             *place = self.unsorted.len() as u32;
-            // The scale keeps squares in range for all of f32's exponents and beyond.
-            let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
+            let (direction, inverse) = unit(direction);
+            let position = chart.local(direction);
+            self.inverses.push(inverse);
             let azimuth = azimuth(position.x, position.y);
             self.unsorted.push(Vertex { position, azimuth, height, ends: NIL, starts: 0 });
         }
         *place
     }
 
-    /// Puts the vertices in the order of the sweep, and the spans' ends with them.
+    /// Puts the vertices in the order of the sweep, and chooses bands.
     fn sort(&mut self) {
         self.vertices.clear();
-        let keys = self.ranks.sort(self.unsorted.iter().map(|vertex| vertex.azimuth));
+        self.ranks.clear();
+        self.ranks.resize(self.unsorted.len(), 0);
+        let keys = self.order.sort(self.unsorted.iter().map(|vertex| vertex.azimuth));
         for (rank, &(_, v)) in keys.iter().enumerate() {
-            self.places[v as usize] = rank as u32;
+            self.ranks[v as usize] = rank as u32;
             self.vertices.push(self.unsorted[v as usize]);
         }
-        let (mut passed, count) = (0, self.vertices.len() as u64);
+        let (mut passed, count) = (0, self.vertices.len());
         for span in &mut self.spans {
-            let (a, b) = (self.places[span.first as usize], self.places[span.second as usize]);
-            let [va, vb] = [a, b].map(|rank| &self.vertices[rank as usize]);
-            span.wraps = (va.azimuth - vb.azimuth).abs() > 0.5 * TURN_END;
-            let between = u64::from(a.abs_diff(b));
+            let (a, b) = (self.ranks[span.first as usize], self.ranks[span.second as usize]);
+            let [va, vb] = [span.first, span.second].map(|place| self.unsorted[place as usize].azimuth);
+            span.wraps = (va - vb).abs() > 0.5 * TURN_END;
+            let between = a.abs_diff(b) as usize;
             passed += if span.wraps { count - between } else { between };
             span.is_forward = (a < b) != span.wraps;
-            (span.first, span.second) = if span.is_forward { (a, b) } else { (b, a) };
-            self.vertices[span.first as usize].starts += 1;
+            if !span.is_forward {
+                std::mem::swap(&mut span.first, &mut span.second);
+            }
+            self.vertices[if span.is_forward { a } else { b } as usize].starts += 1;
         }
-        self.mean_active = (passed / count.max(1)) as usize;
+        let mean_active = passed / count.max(1);
+        let positions = self.unsorted.iter().map(|vertex| vertex.position);
+        self.latitudes.divide(mean_active / EDGES_PER_BAND, positions);
+    }
+
+    /// The normal a x b of unit vectors that an arc runs between, about its length long and known to a few 1e-16; zero if they
+    /// are one point. `cosine` is that of the arc's length.
+    #[inline(always)]
+    fn normal(&self, contours: &ReceiverContours, arc: &Arc, cosine: f64) -> DVec3 {
+        let [a, b] = [arc.a, arc.b].map(|v| self.inverses[self.places[v as usize] as usize]);
+        let normal = arc.plane * a * b;
+        if normal.length_squared() < SHORTEST * SHORTEST {
+            return DVec3::ZERO;
+        }
+        // The plane is a x (b - a), rounded to its factors' size: where b - a is longer than b, that counts.
+        if b > 2.0 * a * cosine {
+            let [from, to] = [arc.a, arc.b].map(|v| contours.directions[v as usize]);
+            return arc.plane * a * (to - from).length_recip();
+        }
+        normal
     }
 }
 
-/// The normal a x b of unit vectors that an arc runs between, about its length long and known to a few 1e-16; zero if they
-/// are one point.
-fn normal(contours: &ReceiverContours, arc: &Arc) -> DVec3 {
-    let (a, b) = (contours.directions[arc.a as usize], contours.directions[arc.b as usize]);
-    let [aa, bb, dd] = [a, b, b - a].map(|v| v.length_squared());
-    // The plane is a x (b - a), rounded to its factors' size.
-    let size = (aa * bb.max(dd)).sqrt();
-    if arc.plane.length_squared() < SHORTEST * SHORTEST * aa * bb { DVec3::ZERO } else { arc.plane / size }
+/// A vector at unit length, or zero, and one over its length.
+#[inline(always)]
+fn unit(v: DVec3) -> (DVec3, f64) {
+    let square = v.length_squared();
+    // Squares of all single precision numbers but zero are within these bounds.
+    if (1e-200..1e200).contains(&square) {
+        let inverse = square.sqrt().recip();
+        (v * inverse, inverse)
+    } else {
+        let scale = v.abs().max_element();
+        let scaled = v / scale;
+        (scaled.normalize_or_zero(), scaled.length_recip() / scale)
+    }
 }

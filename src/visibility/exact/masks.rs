@@ -50,47 +50,21 @@ pub(super) fn sweep(
     region: &mut Region,
 ) -> Result<(DVec3, i32), Doubt> {
     region.clear();
-    if edges.bad > 0 {
+    if edges.bad > 0 || edges.steepest > MOST_JUMP {
         return Err(Doubt);
     }
-    buffers.bands.reset(edges);
+    buffers.bands.reset(edges.latitudes.count());
     buffers.chains.resize(edges.edges.len(), NIL);
     let horizon = edges.edges.get(edges.horizon as usize);
     buffers.pieces.reset(horizon.copied());
     let mut sweep = Masks { edges, buffers, chart, horizon, depth_at_pole, region };
-    let check = sweep.begin()?;
+    let check = sweep.begin();
     sweep.vertices()?;
     sweep.finish()?;
     region.finish();
     /// Rounding of a few thousand arcs, less than any piece that could be missing.
     const CLOSED: f64 = 1e-11;
     if region.residuals.closure < CLOSED { Ok(check) } else { Err(Doubt) }
-}
-
-impl Edges {
-    /// A chain that begins with an edge at its first point.
-    #[inline(always)]
-    fn chain(&self, id: u32, start: DVec3, bands: &Bands) -> Result<Chain, Doubt> {
-        let edge = &self.edges[id as usize];
-        if edge.jump.unsigned_abs() > MOST_JUMP {
-            return Err(Doubt);
-        }
-        let (first_band, last_band) = bands.range(start, self.end(edge));
-        // Nothing becomes of no direction.
-        let scale = (edge.normal.length_squared() as f32).sqrt().recip().min(f32::MAX);
-        Ok(Chain {
-            edge: id,
-            normal: edge.normal,
-            rounded: edge.normal.as_vec3() * scale,
-            start,
-            starts_above_horizon: true,
-            is_doubtful: false,
-            first_band,
-            last_band,
-            jump: edge.jump,
-            above: 0,
-        })
-    }
 }
 
 struct Masks<'a> {
@@ -104,7 +78,7 @@ struct Masks<'a> {
 
 impl Masks<'_> {
     /// Starts the edges that cross the seam; returns the middle of the widest gap between them, and W there.
-    fn begin(&mut self) -> Result<(DVec3, i32), Doubt> {
+    fn begin(&mut self) -> (DVec3, i32) {
         let Buffers { bands, pieces, at_seam, chains, .. } = &mut *self.buffers;
         let ids = self.edges.at_seam.iter().copied().filter(|&id| id != self.edges.horizon);
         at_seam.clear();
@@ -126,9 +100,7 @@ impl Masks<'_> {
                 at_horizon = above + edge.jump;
                 previous = start;
             }
-            let mut chain = self.edges.chain(id, start, bands)?;
-            (chain.starts_above_horizon, chain.above) = (height > 0.0, above);
-            chain.is_doubtful = height.abs() < DOUBT;
+            let mut chain = Chain::new(id, edge, above, height > 0.0, height.abs() < DOUBT);
             if k > 0 && at_seam[k - 1].0 - z < DOUBT {
                 chain.is_doubtful = true;
                 bands.chains[chains[at_seam[k - 1].1 as usize] as usize].is_doubtful = true;
@@ -141,7 +113,7 @@ impl Masks<'_> {
         }
         widen(&mut widest, previous, last, at_horizon);
         pieces.depth_at_seam = at_horizon;
-        Ok((self.chart.world(widest.1), widest.2))
+        (self.chart.world(widest.1), widest.2)
     }
 
     /// Passes all vertices.
@@ -186,14 +158,14 @@ impl Masks<'_> {
         let Buffers { bands, pieces, chains, .. } = &mut *self.buffers;
         let is_above_horizon = vertex.height > 0.0;
         let id = chains[vertex.ends as usize];
-        let mut next = self.edges.chain(started, vertex.position, bands)?;
-        let chain = bands.chains[id as usize];
-        let first = chain.first_band.min(next.first_band).into();
-        let last = chain.last_band.max(next.last_band).into();
+        let started_edge = &self.edges.edges[started as usize];
+        let chain = &bands.chains[id as usize];
+        let first = chain.first_band.min(started_edge.first_band).into();
+        let last = chain.last_band.max(started_edge.last_band).into();
         bands.hide(id);
-        let is_near = bands.look(vertex.position, first..=last);
+        let is_near = bands.look(self.edges, vertex.position, first..=last);
         bands.chains[id as usize].is_doubtful |= is_near;
-        let depth = self.depth_at_pole + bands.jumps_above(bands.band(vertex.position.z));
+        let depth = self.depth_at_pole + bands.jumps_above(self.edges.latitudes.band(vertex.position.z));
         let ending = Ending {
             id,
             crossed: bands.cross(id),
@@ -203,10 +175,9 @@ impl Masks<'_> {
             depth_above: depth,
         };
         pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
-        (next.above, next.starts_above_horizon, next.is_doubtful) = (depth, is_above_horizon, is_near);
-        bands.proceed(id, next);
+        bands.proceed(id, Chain::new(started, started_edge, depth, is_above_horizon, is_near));
         chains[started as usize] = id;
-        if bands.is_crowded(first..=last) { Err(Doubt) } else { Ok(()) }
+        Ok(())
     }
 
     /// Any number of edges end and start at a vertex.
@@ -214,7 +185,7 @@ impl Masks<'_> {
     fn branch(&mut self, vertex: &Vertex, starts: Range<u32>) -> Result<(), Doubt> {
         let Buffers { bands, pieces, ends, chains, .. } = &mut *self.buffers;
         let is_above_horizon = vertex.height > 0.0;
-        let band = bands.band(vertex.position.z);
+        let band = self.edges.latitudes.band(vertex.position.z);
         // The bands that the vertex's edges come into.
         let (mut first, mut last) = (band, band);
         let mut balance = 0;
@@ -241,16 +212,14 @@ impl Masks<'_> {
         for start in starts.clone() {
             let edge = &self.edges.edges[start as usize];
             balance += edge.jump;
-            let (from, to) = bands.range(vertex.position, self.edges.end(edge));
-            first = first.min(from);
-            last = last.max(to);
+            first = first.min(edge.first_band);
+            last = last.max(edge.last_band);
         }
         if balance != 0 && is_above_horizon {
             return Err(Doubt);
         }
-        let range = first.into()..=last.into();
         ends.iter().for_each(|&id| bands.remove(id));
-        let is_near = bands.look(vertex.position, range.clone());
+        let is_near = bands.look(self.edges, vertex.position, first.into()..=last.into());
         let depth = self.depth_at_pole + bands.jumps_above(band);
         for &id in &*ends {
             bands.chains[id as usize].is_doubtful |= is_near;
@@ -268,35 +237,26 @@ impl Masks<'_> {
             pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
         }
         ends.iter().for_each(|&id| bands.free(id));
-        self.start(vertex, starts, depth, is_near)?;
-        if self.buffers.bands.is_crowded(range) { Err(Doubt) } else { Ok(()) }
+        self.start(vertex, starts, depth, is_near);
+        if self.buffers.bands.is_crowded { Err(Doubt) } else { Ok(()) }
     }
 
     /// Starts edges at a vertex.
-    fn start(
-        &mut self,
-        vertex: &Vertex,
-        starts: Range<u32>,
-        depth: i32,
-        is_near: bool,
-    ) -> Result<(), Doubt> {
+    fn start(&mut self, vertex: &Vertex, starts: Range<u32>, depth: i32, is_near: bool) {
         self.buffers.starts.clear();
         self.buffers.starts.extend(starts);
         self.sort_starts(is_near);
         let Buffers { bands, starts, doubts, chains, .. } = &mut *self.buffers;
         let mut above = depth;
         for (i, (&id, &is_doubtful)) in starts.iter().zip(&*doubts).enumerate() {
-            let mut chain = self.edges.chain(id, vertex.position, bands)?;
-            (chain.above, chain.starts_above_horizon) = (above, vertex.height > 0.0);
-            chain.is_doubtful = is_doubtful;
-            above += chain.jump;
-            let chain = bands.insert(chain);
+            let edge = &self.edges.edges[id as usize];
+            let chain = bands.insert(Chain::new(id, edge, above, vertex.height > 0.0, is_doubtful));
             chains[id as usize] = chain;
+            above += edge.jump;
             if i + 1 < starts.len() {
                 bands.set_above(chain);
             }
         }
-        Ok(())
     }
 
     /// Puts the edges that start at a vertex in order, downwards, by insertion.
@@ -326,7 +286,7 @@ impl Masks<'_> {
         let Buffers { bands, pieces, at_seam, chains, .. } = &mut *self.buffers;
         at_seam.clear();
         let left = bands.left().map(|id| bands.chains[id as usize]);
-        at_seam.extend(left.map(|chain| (on_seam(chain.normal).z, chain.edge)));
+        at_seam.extend(left.map(|chain| (on_seam(self.edges.edges[chain.edge as usize].normal).z, chain.edge)));
         downwards(at_seam);
         for pair in at_seam.windows(2) {
             if pair[0].0 - pair[1].0 < DOUBT {
@@ -338,7 +298,7 @@ impl Masks<'_> {
         let mut depth = self.depth_at_pole;
         for &(_, edge) in &*at_seam {
             let id = chains[edge as usize];
-            let end = on_seam(bands.chains[id as usize].normal);
+            let end = on_seam(self.edges.edges[edge as usize].normal);
             let height = self.horizon.map_or(1.0, |horizon| horizon.normal.dot(end));
             bands.chains[id as usize].is_doubtful |= height.abs() < DOUBT;
             bands.remove(id);

@@ -16,6 +16,7 @@ mod crossings;
 mod edges;
 mod gradient;
 mod landmarks;
+mod latitudes;
 mod masks;
 mod pieces;
 mod ranks;

@@ -8,7 +8,7 @@ use super::chart::{Chart, TURN_END, azimuth};
 use super::edges::{Edge, Edges, on_line};
 use super::masks::Doubt;
 use super::region::Region;
-use super::slots::{Crossed, DOUBT, NEAR};
+use super::slots::{DOUBT, NEAR};
 
 /// The end of a chain's edge.
 pub(super) struct Ending<'a> {
@@ -25,9 +25,8 @@ pub(super) struct Ending<'a> {
 /// A crossing on an edge.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    /// The other edge, and its normal, rounded.
+    /// The other edge.
     edge: u32,
-    normal: Vec3,
     /// Change of W just above the edge, in the direction of the sweep.
     change: i32,
 }
@@ -87,7 +86,7 @@ impl Worst {
 
     /// Adds a crossing.
     #[inline(always)]
-    fn add(&mut self, &Crossing { normal, change, .. }: &Crossing) {
+    fn add(&mut self, normal: Vec3, change: i32) {
         let (a, b) = (normal.dot(self.ends.0), normal.dot(self.ends.1));
         let parts = PARTS as f32 / (a - b);
         let (at, error) = (a * parts, 2.0 * NEAR * parts.abs());
@@ -106,6 +105,20 @@ impl Worst {
             depth = deepest + rise;
             deepest > 0
         })
+    }
+}
+
+/// Calls back for the crossings of an edge that has ended, those found when others ended and those found now: the other edge,
+/// its normal, rounded, and the change of W just above.
+#[inline(always)]
+fn each_crossing(bands: &Bands, &Ending { id, chain, .. }: &Ending, mut found: impl FnMut(u32, Vec3, i32)) {
+    for band in chain.bands() {
+        let slots = &bands.slots[band];
+        slots.each_crossed(bands.slot(id, band), |crossed| found(crossed.edge, crossed.normal, crossed.change));
+        slots.each_crossing(|other, normal, rises| {
+            let other = &bands.chains[other as usize];
+            found(other.edge, normal, if rises { -other.jump } else { other.jump });
+        });
     }
 }
 
@@ -147,21 +160,18 @@ impl Pieces {
         chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
-        let chain = ending.chain;
+        let Ending { chain, end, .. } = *ending;
         let edge = &edges.edges[chain.edge as usize];
-        self.find(bands, ending);
-        let depth = match chain.starts_above_horizon {
-            true => chain.above,
-            false => ending.depth_above - self.found.iter().map(|crossing| crossing.change).sum::<i32>(),
-        };
-        let deepest = depth + edge.jump.min(0);
-        if deepest + self.found.iter().map(|crossing| crossing.change.min(0)).sum::<i32>() > 0 {
-            return Ok(());
+        let ends = (edges.start(edge), end);
+        let mut depth = chain.above;
+        if !chain.starts_above_horizon {
+            depth = ending.depth_above;
+            each_crossing(bands, ending, |_, _, change| depth -= change);
         }
-        let ends = (chain.start, ending.end);
+        let deepest = depth + edge.jump.min(0);
         if deepest > 0 {
             let mut worst = Worst::new(ends);
-            self.found.iter().for_each(|crossing| worst.add(crossing));
+            each_crossing(bands, ending, |_, normal, change| worst.add(normal, change));
             if worst.stays_above_zero(deepest) {
                 return Ok(());
             }
@@ -169,33 +179,20 @@ impl Pieces {
         if chain.is_doubtful {
             return Err(Doubt);
         }
+        self.found.clear();
+        each_crossing(bands, ending, |edge, _, change| self.found.push(Crossing { edge, change }));
         region.residuals.crossings += self.found.len() as u32;
         self.locate(edges, edge, ends);
         if chain.starts_above_horizon != ending.ends_above_horizon {
             self.locate_horizon(ends);
         }
-        self.walk(edge, depth, (chain.start, chain.starts_above_horizon), ending.end, chart, region)
-    }
-
-    /// Lists the crossings of an edge: those found when others ended, and those found now.
-    fn find(&mut self, bands: &Bands, &Ending { id, chain, .. }: &Ending) {
-        self.found.clear();
-        for band in chain.bands() {
-            let slots = &bands.slots[band];
-            slots.each_crossed(bands.slot(id, band), |&Crossed { edge, normal, change, .. }| {
-                self.found.push(Crossing { edge, normal, change });
-            });
-            slots.each_crossing(|other, normal, change| {
-                let edge = bands.chains[other as usize].edge;
-                self.found.push(Crossing { edge, normal, change });
-            });
-        }
+        self.walk(edge, depth, (ends.0, chain.starts_above_horizon), end, chart, region)
     }
 
     /// Finds where an edge is crossed.
     fn locate(&mut self, edges: &Edges, edge: &Edge, (start, end): (DVec3, DVec3)) {
         self.places.clear();
-        for &Crossing { edge: other, change, .. } in &self.found {
+        for &Crossing { edge: other, change } in &self.found {
             let other = &edges.edges[other as usize];
             // On the one or the other, but for both the same point.
             let (point, error) = if (edge.start, edge.end) < (other.start, other.end) {

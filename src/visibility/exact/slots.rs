@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::chains::Chain;
-use super::edges::NIL;
+use super::edges::{Edges, NIL};
 
 /// Bits of a word of a mask.
 const WORD: usize = u64::BITS as usize;
@@ -84,6 +84,17 @@ pub(super) struct Crossed {
     next: u32,
 }
 
+/// The crossings of the edge in a slot with edges that have ended.
+#[derive(Clone, Copy, Debug)]
+struct Tally {
+    /// Sum of the sizes of their jumps.
+    size: i32,
+    /// The last one.
+    last: u32,
+}
+
+const NONE: Tally = Tally { size: 0, last: NIL };
+
 /// What the edge that ended last has crossed, in one word of slots.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
@@ -128,9 +139,7 @@ pub(super) struct Slots {
     chains: Vec<u32>,
     /// Word w of slot s at `w * capacity + s`: which chains lay above that in the slot at the last vertex of either.
     rows: Vec<u64>,
-    /// Of the edge in a slot, the crossings with edges that have ended: the sum of the sizes of their jumps, and the last one.
-    sizes: Vec<i32>,
-    lasts: Vec<u32>,
+    tallies: Vec<Tally>,
     crossed: Vec<Crossed>,
     crossing: Vec<Crossing>,
 }
@@ -181,23 +190,21 @@ impl Slots {
     /// Calls back for the crossings of the edge in a slot with others that have ended.
     #[inline(always)]
     pub fn each_crossed(&self, slot: usize, mut found: impl FnMut(&Crossed)) {
-        let mut last = self.lasts[slot];
+        let mut last = self.tallies[slot].last;
         while let Some(crossed) = self.crossed.get(last as usize) {
             found(crossed);
             last = crossed.next;
         }
     }
 
-    /// Calls back for what the edge that ended last has crossed: chain, normal, and change of W just above it.
+    /// Calls back for what the edge that ended last has crossed: the chain, its normal, and whether it was above before.
     #[inline(always)]
-    pub fn each_crossing(&self, mut found: impl FnMut(u32, Vec3, i32)) {
-        for &Crossing { word: w, slots, rises } in &self.crossing {
+    pub fn each_crossing(&self, mut found: impl FnMut(u32, Vec3, bool)) {
+        for &Crossing { word, slots, rises } in &self.crossing {
             for bit in bits(slots) {
-                let slot = WORD * w + bit;
+                let slot = WORD * word + bit;
                 let [x, y, z] = self.normals.each_ref().map(|axis| axis[slot]);
-                let jump = self.words[w].jumps(1 << bit);
-                let change = if rises >> bit & 1 != 0 { -jump } else { jump };
-                found(self.chains[slot], Vec3::new(x, y, z), change);
+                found(self.chains[slot], Vec3::new(x, y, z), rises >> bit & 1 != 0);
             }
         }
     }
@@ -231,7 +238,7 @@ impl Slots {
         let (w, bit) = (slot / WORD, slot % WORD);
         let word = &mut self.words[w];
         word.continued = word.continued & !(1 << bit) | u64::from(is_continued) << bit;
-        (self.sizes[slot], self.lasts[slot]) = (0, NIL);
+        self.tallies[slot] = NONE;
         let capacity = self.capacity();
         for (w, word) in self.words[..self.width()].iter().enumerate() {
             self.rows[w * capacity + slot] = word.above;
@@ -278,8 +285,7 @@ impl Slots {
         self.words.resize(words, Word::default());
         self.normals.iter_mut().for_each(|axis| axis.resize(new, f32::NAN));
         self.chains.resize(new, NIL);
-        self.sizes.resize(new, 0);
-        self.lasts.resize(new, NIL);
+        self.tallies.resize(new, NONE);
     }
 
     /// Sum of the jumps of all that is marked as above.
@@ -309,8 +315,8 @@ impl Slots {
     #[inline(always)]
     pub fn cross(&mut self, slot: usize, is_first: bool, chain: &Chain) -> i32 {
         let (w, mine, capacity) = (slot / WORD, 1 << (slot % WORD), self.capacity());
-        let (size, normal) = (chain.jump.abs(), chain.rounded);
-        let mut sum = self.sizes[slot];
+        let (size, normal) = (chain.jump.abs(), chain.normal);
+        let mut sum = self.tallies[slot].size;
         self.crossing.clear();
         for (other, word) in self.words[..self.used.div_ceil(WORD)].iter().enumerate() {
             let was_above = self.rows[other * capacity + slot];
@@ -324,8 +330,9 @@ impl Slots {
             }
             for bit in bits(counted) {
                 let other = WORD * other + bit;
-                self.sizes[other] += size;
-                let next = std::mem::replace(&mut self.lasts[other], self.crossed.len() as u32);
+                let tally = &mut self.tallies[other];
+                tally.size += size;
+                let next = std::mem::replace(&mut tally.last, self.crossed.len() as u32);
                 let change = if was_above >> bit & 1 != 0 { chain.jump } else { -chain.jump };
                 self.crossed.push(Crossed { edge: chain.edge, normal, change, next });
             }
@@ -392,7 +399,7 @@ impl Slots {
 
     /// The same in double precision: whether some edge passes within rounding, which becomes doubtful.
     #[cold]
-    pub fn look_closely(&mut self, position: DVec3, chains: &mut [Chain]) -> bool {
+    pub fn look_closely(&mut self, position: DVec3, edges: &Edges, chains: &mut [Chain]) -> bool {
         let mut is_near = false;
         for (w, word) in self.words.iter_mut().enumerate() {
             word.above = 0;
@@ -402,7 +409,7 @@ impl Slots {
                     continue;
                 }
                 let chain = &mut chains[self.chains[slot] as usize];
-                let height = chain.normal.dot(position);
+                let height = edges.edges[chain.edge as usize].normal.dot(position);
                 if height.abs() < DOUBT {
                     (is_near, chain.is_doubtful) = (true, true);
                 }
