@@ -46,9 +46,7 @@ impl Bands {
         let mut is_near = false;
         let rounded = position.as_vec3();
         for slots in &mut self.slots[bands] {
-            if slots.look(rounded) {
-                is_near |= slots.look_closely(position, edges, &mut self.chains);
-            }
+            is_near |= slots.look(position, rounded, edges, &mut self.chains);
         }
         is_near
     }
@@ -85,8 +83,7 @@ impl Bands {
     /// Takes a slot for a chain in one of its bands.
     fn enter(&mut self, id: u32, chain: &Chain, band: usize) {
         let slots = &mut self.slots[band];
-        let slot = slots.insert(id, chain.jump, band > chain.first_band.into());
-        slots.show(slot, chain.normal);
+        let slot = slots.insert(id, chain, band > chain.first_band.into());
         self.is_crowded |= slots.is_crowded();
         self.slot_of[id as usize * MOST_BANDS + band] = slot as u16;
     }
@@ -128,8 +125,7 @@ impl Bands {
             let slot = self.slot(id, band);
             let is_old = old.contains(&band);
             if is_old && !self.slots[band].is_astray(slot) {
-                self.slots[band].rest(slot, band > next.first_band.into());
-                self.slots[band].show(slot, next.normal);
+                self.slots[band].follow(slot, &next, band > next.first_band.into());
             } else {
                 if is_old {
                     self.slots[band].remove(slot);

@@ -8,7 +8,7 @@ use super::edges::Edge;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chain {
     pub edge: u32,
-    /// Its normal of unit length, rounded.
+    /// Its normal, rounded; the largest component is from 1 to 2.
     pub normal: Vec3,
     /// Change of W on crossing it downwards.
     pub jump: i32,
@@ -27,10 +27,12 @@ impl Chain {
     #[inline(always)]
     pub fn new(id: u32, edge: &Edge, above: i32, starts_above_horizon: bool, is_doubtful: bool) -> Self {
         let normal = edge.normal.as_vec3();
+        // A power of two; nothing becomes nothing, of no direction.
+        let size = normal.abs().max_element().to_bits() >> 23;
+        let scale = f32::from_bits((254 - size) << 23);
         Self {
             edge: id,
-            // Nothing becomes nothing, of no direction.
-            normal: normal * normal.length_squared().sqrt().recip().min(f32::MAX),
+            normal: normal * scale,
             jump: edge.jump,
             above,
             starts_above_horizon,

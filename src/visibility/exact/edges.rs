@@ -117,7 +117,7 @@ struct Span {
 }
 
 /// Edges that a band should hold at a time.
-const EDGES_PER_BAND: usize = 64;
+const EDGES_PER_BAND: usize = 24;
 
 impl Edges {
     /// Fills this from contours. Arcs between two vertices below the horizon are left out. With `lenient`, edges that meet
@@ -149,37 +149,46 @@ impl Edges {
             start += count;
         }
 
-        self.steepest = 0;
-        for i in 0..self.spans.len() {
-            let Span { arc: source, first, second, is_forward, wraps } = self.spans[i];
+        let Self { unsorted, inverses, ranks, vertices, edges, latitudes, .. } = self;
+        let (unsorted, inverses, ranks) = (&unsorted[..], &inverses[..], &ranks[..]);
+        let (vertices, edges, latitudes) = (&mut vertices[..], &mut edges[..], &*latitudes);
+        let mut steepest = 0;
+        for &Span { arc: source, first, second, is_forward, wraps } in &self.spans {
             let arc = &contours.arcs[source as usize];
-            let [start, end] = [first, second].map(|place| self.unsorted[place as usize].position);
+            let [start, end] = [first, second].map(|place| unsorted[place as usize].position);
             let cosine = start.dot(end);
-            let forward = chart.local(self.normal(contours, arc, cosine));
-            let (normal, jump) = if is_forward { (forward, arc.jump) } else { (-forward, -arc.jump) };
+            // No branches: which way an arc runs is hard to predict.
+            let sign = 2 * i32::from(is_forward) - 1;
+            let lengths = [first, second].map(|place| inverses[place as usize]);
+            let lengths = [lengths[usize::from(!is_forward)], lengths[usize::from(is_forward)]];
+            let normal = f64::from(sign) * chart.local(normal(contours, arc, lengths, cosine));
+            let jump = sign * arc.jump;
             if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {
                 return Err(MeetsPole);
             }
-            self.steepest = self.steepest.max(jump.unsigned_abs());
-            let [first, second] = [first, second].map(|place| self.ranks[place as usize]);
-            let mut edge = Edge { start: first, ..Edge::new(normal, jump, source) };
+            steepest = steepest.max(jump.unsigned_abs());
+            let [first, second] = [first, second].map(|place| ranks[place as usize]);
             // Until all edges have their place, `starts` is where the next one goes.
-            let next_place = &mut self.vertices[first as usize].starts;
-            let place = *next_place;
+            let next_place = &mut vertices[first as usize].starts;
+            let mut place = *next_place;
             *next_place += 1;
+            let mut edge = Edge { start: first, ..Edge::new(normal, jump, source) };
+            (edge.first_band, edge.last_band) = latitudes.range(start, end);
             if wraps {
                 let at_seam = on_seam(normal);
-                (edge.first_band, edge.last_band) = self.latitudes.range(start, at_seam);
-                self.edges[place as usize] = edge;
-                (edge.first_band, edge.last_band) = self.latitudes.range(at_seam, end);
-                self.end_at(seam, Edge { start: SEAM, ..edge }, second);
+                (edge.first_band, edge.last_band) = latitudes.range(start, at_seam);
+                edges[place as usize] = edge;
+                (edge.first_band, edge.last_band) = latitudes.range(at_seam, end);
+                edge.start = SEAM;
                 self.at_seam.push(seam);
+                place = seam;
                 seam += 1;
-            } else {
-                (edge.first_band, edge.last_band) = self.latitudes.range(start, end);
-                self.end_at(place, edge, second);
             }
+            edge.end = second;
+            edge.next_end = std::mem::replace(&mut vertices[second as usize].ends, place);
+            edges[place as usize] = edge;
         }
+        self.steepest = steepest;
         for i in (1..self.vertices.len()).rev() {
             self.vertices[i].starts = self.vertices[i - 1].starts;
         }
@@ -227,12 +236,6 @@ impl Edges {
         }
     }
 
-    fn end_at(&mut self, id: u32, edge: Edge, second: u32) {
-        let vertex = &mut self.vertices[second as usize];
-        let next_end = std::mem::replace(&mut vertex.ends, id);
-        self.edges[id as usize] = Edge { end: second, next_end, ..edge };
-    }
-
     /// Lists the arcs to keep and their vertices, in the order of the contours.
     fn collect(&mut self, contours: &ReceiverContours, has_horizon: bool, chart: &Chart) {
         self.bad = 0;
@@ -242,14 +245,15 @@ impl Edges {
         self.places.clear();
         self.places.resize(contours.directions.len(), NIL);
         let height = |v: u32| if has_horizon { contours.heights[v as usize] } else { 1.0 };
+        self.unsorted.reserve(contours.directions.len());
         for (arc, &Arc { a, b, .. }) in contours.arcs.iter().enumerate() {
-            if height(a) <= 0.0 && height(b) <= 0.0 {
+            let heights = (height(a), height(b));
+            if (heights.0 <= 0.0) & (heights.1 <= 0.0) {
                 continue;
             }
-            let first = self.enter(contours.directions[a as usize], height(a), a, chart);
-            let second = self.enter(contours.directions[b as usize], height(b), b, chart);
-            let is_bad = |v: u32| self.unsorted[v as usize].position == DVec3::ZERO;
-            if is_bad(first) || is_bad(second) {
+            let first = self.enter(contours.directions[a as usize], heights.0, a, chart);
+            let second = self.enter(contours.directions[b as usize], heights.1, b, chart);
+            if self.inverses[first as usize] == NO_LENGTH || self.inverses[second as usize] == NO_LENGTH {
                 self.bad += 1;
                 continue;
             }
@@ -290,45 +294,47 @@ impl Edges {
             let between = a.abs_diff(b) as usize;
             passed += if span.wraps { count - between } else { between };
             span.is_forward = (a < b) != span.wraps;
-            if !span.is_forward {
-                std::mem::swap(&mut span.first, &mut span.second);
-            }
-            self.vertices[if span.is_forward { a } else { b } as usize].starts += 1;
+            let backward = usize::from(!span.is_forward);
+            let (places, ranks) = ([span.first, span.second], [a, b]);
+            (span.first, span.second) = (places[backward], places[1 - backward]);
+            self.vertices[ranks[backward] as usize].starts += 1;
         }
         let mean_active = passed / count.max(1);
         let positions = self.unsorted.iter().map(|vertex| vertex.position);
         self.latitudes.divide(mean_active / EDGES_PER_BAND, positions);
     }
-
-    /// The normal a x b of unit vectors that an arc runs between, about its length long and known to a few 1e-16; zero if they
-    /// are one point. `cosine` is that of the arc's length.
-    #[inline(always)]
-    fn normal(&self, contours: &ReceiverContours, arc: &Arc, cosine: f64) -> DVec3 {
-        let [a, b] = [arc.a, arc.b].map(|v| self.inverses[self.places[v as usize] as usize]);
-        let normal = arc.plane * a * b;
-        if normal.length_squared() < SHORTEST * SHORTEST {
-            return DVec3::ZERO;
-        }
-        // The plane is a x (b - a), rounded to its factors' size: where b - a is longer than b, that counts.
-        if b > 2.0 * a * cosine {
-            let [from, to] = [arc.a, arc.b].map(|v| contours.directions[v as usize]);
-            return arc.plane * a * (to - from).length_recip();
-        }
-        normal
-    }
 }
 
-/// A vector at unit length, or zero, and one over its length.
+/// The normal a x b of unit vectors that an arc runs between, about its length long and known to a few 1e-16; zero if they
+/// are one point. `inverses` are one over the lengths of its ends, `cosine` is that of its own.
+#[inline(always)]
+fn normal(contours: &ReceiverContours, arc: &Arc, inverses: [f64; 2], cosine: f64) -> DVec3 {
+    let [a, b] = inverses;
+    let normal = arc.plane * a * b;
+    if normal.length_squared() < SHORTEST * SHORTEST {
+        return DVec3::ZERO;
+    }
+    // The plane is a x (b - a), rounded to its factors' size: where b - a is longer than b, that counts.
+    if b > 2.0 * a * cosine {
+        let [from, to] = [arc.a, arc.b].map(|v| contours.directions[v as usize]);
+        return arc.plane * a * (to - from).length_recip();
+    }
+    normal
+}
+
+/// One over a length that is zero or not finite.
+const NO_LENGTH: f64 = 0.0;
+
+/// A vector at unit length, and one over its length, or zero and `NO_LENGTH`.
 #[inline(always)]
 fn unit(v: DVec3) -> (DVec3, f64) {
     let square = v.length_squared();
     // Squares of all single precision numbers but zero are within these bounds.
     if (1e-200..1e200).contains(&square) {
         let inverse = square.sqrt().recip();
-        (v * inverse, inverse)
-    } else {
-        let scale = v.abs().max_element();
-        let scaled = v / scale;
-        (scaled.normalize_or_zero(), scaled.length_recip() / scale)
+        return (v * inverse, inverse);
     }
+    let scale = v.abs().max_element();
+    let unit = (v / scale).normalize_or_zero();
+    (unit, if unit == DVec3::ZERO { NO_LENGTH } else { (v / scale).length_recip() / scale })
 }

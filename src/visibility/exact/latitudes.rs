@@ -3,28 +3,33 @@
 use glam::DVec3;
 
 pub(super) const MOST_BANDS: usize = 128;
-/// Equal parts of z from pole to pole, of which bands are made.
-const PARTS: usize = 512;
+/// Parts of z from pole to pole, of which bands are made: the first and the last of half the size.
+const PARTS: usize = 257;
 
 /// Which band a point of the sphere is in; from the pole downwards.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Latitudes {
     count: usize,
     /// Band of each part.
-    band_of: Vec<u8>,
+    band_of: [u8; PARTS.next_power_of_two()],
+}
+
+impl Default for Latitudes {
+    fn default() -> Self {
+        Self { count: 1, band_of: [0; PARTS.next_power_of_two()] }
+    }
 }
 
 impl Latitudes {
     /// Divides the sphere into so many bands.
     pub fn divide(&mut self, count: usize, vertices: impl ExactSizeIterator<Item = DVec3>) {
         self.count = count.clamp(1, MOST_BANDS);
-        self.band_of.clear();
-        self.band_of.resize(PARTS, 0);
+        self.band_of.fill(0);
         if self.count == 1 {
             return;
         }
         let (mut before, total) = (0, vertices.len());
-        let mut sizes = [0; PARTS];
+        let mut sizes = [0; PARTS.next_power_of_two()];
         vertices.for_each(|vertex| sizes[part(vertex.z)] += 1);
         for (band, size) in self.band_of.iter_mut().zip(sizes) {
             *band = (before * self.count / total).min(self.count - 1) as u8;
@@ -58,5 +63,8 @@ impl Latitudes {
 
 #[inline(always)]
 fn part(z: f64) -> usize {
-    (((1.0 - z) * (PARTS as f64 / 2.0)) as usize).min(PARTS - 1)
+    /// The numbers from here on are the integers, in the last bits.
+    const INTEGERS: f64 = (1u64 << 52) as f64;
+    let part = ((1.0 - z) * (0.5 * (PARTS - 1) as f64)).clamp(0.0, (PARTS - 1) as f64);
+    (part + INTEGERS).to_bits() as usize % PARTS.next_power_of_two()
 }

@@ -183,20 +183,31 @@ impl Masks<'_> {
     /// Any number of edges end and start at a vertex.
     #[inline(always)]
     fn branch(&mut self, vertex: &Vertex, starts: Range<u32>) -> Result<(), Doubt> {
-        let Buffers { bands, pieces, ends, chains, .. } = &mut *self.buffers;
+        let ends = &mut self.buffers.ends;
+        ends.clear();
+        let mut id = vertex.ends;
+        while id != NIL {
+            ends.push(id);
+            id = self.edges.edges[id as usize].next_end;
+        }
+        // Where a contour turns there are two of them. Numbers known beforehand keep the processor from guessing.
+        match (ends.len(), starts.len()) {
+            (2, 0) => self.exchange(vertex, 2, starts.start..starts.start),
+            (0, 2) => self.exchange(vertex, 0, starts.start..starts.start + 2),
+            (count, _) => self.exchange(vertex, count, starts),
+        }
+    }
+
+    /// Ends the first edges listed at a vertex and starts others.
+    #[inline(always)]
+    fn exchange(&mut self, vertex: &Vertex, ends: usize, starts: Range<u32>) -> Result<(), Doubt> {
+        let Buffers { bands, pieces, ends: list, chains, .. } = &mut *self.buffers;
+        let Some(ends) = list.get_mut(..ends) else { return Ok(()) };
         let is_above_horizon = vertex.height > 0.0;
         let band = self.edges.latitudes.band(vertex.position.z);
         // The bands that the vertex's edges come into.
         let (mut first, mut last) = (band, band);
         let mut balance = 0;
-        ends.clear();
-        let mut id = vertex.ends;
-        while id != NIL {
-            let edge = &self.edges.edges[id as usize];
-            balance -= edge.jump;
-            ends.push(id);
-            id = edge.next_end;
-        }
         if ends.len() > 1 {
             // Nothing depends on the order of the contours.
             let place =
@@ -206,6 +217,7 @@ impl Masks<'_> {
         for end in &mut *ends {
             *end = chains[*end as usize];
             let chain = &bands.chains[*end as usize];
+            balance -= chain.jump;
             first = first.min(chain.first_band);
             last = last.max(chain.last_band);
         }
@@ -224,8 +236,10 @@ impl Masks<'_> {
         for &id in &*ends {
             bands.chains[id as usize].is_doubtful |= is_near;
             // Those that end here too, above it.
-            let siblings = ends.iter().filter(|&&other| other != id && bands.was_above(id, other, band));
-            let depth_above = depth + siblings.map(|&other| bands.chains[other as usize].jump).sum::<i32>();
+            let siblings = ends.iter().map(|&other| {
+                bands.chains[other as usize].jump * i32::from(bands.was_above(id, other, band))
+            });
+            let depth_above = depth + siblings.sum::<i32>();
             let ending = Ending {
                 id,
                 crossed: bands.cross(id),
@@ -242,18 +256,20 @@ impl Masks<'_> {
     }
 
     /// Starts edges at a vertex.
+    #[inline(always)]
     fn start(&mut self, vertex: &Vertex, starts: Range<u32>, depth: i32, is_near: bool) {
+        let count = starts.len();
         self.buffers.starts.clear();
         self.buffers.starts.extend(starts);
         self.sort_starts(is_near);
         let Buffers { bands, starts, doubts, chains, .. } = &mut *self.buffers;
         let mut above = depth;
-        for (i, (&id, &is_doubtful)) in starts.iter().zip(&*doubts).enumerate() {
+        for (i, (&id, &is_doubtful)) in starts.iter().zip(&*doubts).enumerate().take(count) {
             let edge = &self.edges.edges[id as usize];
             let chain = bands.insert(Chain::new(id, edge, above, vertex.height > 0.0, is_doubtful));
             chains[id as usize] = chain;
             above += edge.jump;
-            if i + 1 < starts.len() {
+            if i + 1 < count {
                 bands.set_above(chain);
             }
         }

@@ -55,7 +55,7 @@ impl Scratch {
 
 /// Edges below which one order is kept in less time than masks: the room's 240 contours take 47 microseconds instead of 57,
 /// the dragon's 1400 about the same either way, and 14 thousand of knots 6.7 milliseconds instead of 5.8.
-const FEW: usize = 1024;
+const FEW: usize = 512;
 
 /// Frames to try before an edge through the pole is taken as it is: each is met with a chance of 1e-10 an edge.
 const ATTEMPTS: u32 = 8;

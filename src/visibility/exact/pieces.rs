@@ -71,40 +71,47 @@ fn side(above: i32, jump: i32) -> i8 {
 
 /// Parts of an edge, in each of which W is taken to fall before it rises: as low as it may come.
 const PARTS: usize = 32;
+const ROOM: usize = 2 * (PARTS + 1).next_power_of_two();
 
 /// How W may fall along an edge, wherever within their errors its crossings are.
 struct Worst {
     ends: (Vec3, Vec3),
-    falls: [i32; PARTS],
-    rises: [i32; PARTS],
+    /// Changes of W, in each part that of all falls and that of all rises.
+    changes: [i32; ROOM],
 }
 
 impl Worst {
     fn new((start, end): (DVec3, DVec3)) -> Self {
-        Self { ends: (start.as_vec3(), end.as_vec3()), falls: [0; PARTS], rises: [0; PARTS] }
+        Self { ends: (start.as_vec3(), end.as_vec3()), changes: [0; ROOM] }
     }
 
     /// Adds a crossing.
     #[inline(always)]
     fn add(&mut self, normal: Vec3, change: i32) {
+        /// The numbers from here on are the integers, in the last bits.
+        const INTEGERS: f32 = (1u32 << 23) as f32;
         let (a, b) = (normal.dot(self.ends.0), normal.dot(self.ends.1));
         let parts = PARTS as f32 / (a - b);
-        let (at, error) = (a * parts, 2.0 * NEAR * parts.abs());
-        if change < 0 {
-            // What is no number falls first.
-            self.falls[((at - error) as usize).min(PARTS - 1)] += change;
-        } else if at + error < PARTS as f32 {
-            self.rises[(at + error) as usize] += change;
-        }
+        // No branches: whether W falls or rises is hard to predict.
+        let (rises, falls) = ((change >= 0) as usize, (change < 0) as u32);
+        let error = 2.0 * NEAR * parts.abs();
+        // What is not a number falls first and rises last: its error is infinite.
+        let at = if a == 0.0 { 0.0 } else { a * parts };
+        let at = at - 0.5 + f32::from_bits(error.to_bits() ^ falls << 31);
+        let at = if at > 0.0 { at } else { 0.0 };
+        let at = if at < PARTS as f32 { at } else { PARTS as f32 };
+        let part = (at + INTEGERS).to_bits() as usize;
+        self.changes[(2 * part + rises) % ROOM] += change;
     }
 
     /// Whether W stays positive on an edge that starts with this depth on the deeper side.
     fn stays_above_zero(&self, mut depth: i32) -> bool {
-        self.falls.iter().zip(&self.rises).all(|(fall, rise)| {
-            let deepest = depth + fall;
-            depth = deepest + rise;
-            deepest > 0
-        })
+        let mut deepest = depth;
+        for change in &self.changes[..2 * PARTS + 2] {
+            depth += change;
+            deepest = deepest.min(depth);
+        }
+        deepest > 0
     }
 }
 
@@ -117,7 +124,7 @@ fn each_crossing(bands: &Bands, &Ending { id, chain, .. }: &Ending, mut found: i
         slots.each_crossed(bands.slot(id, band), |crossed| found(crossed.edge, crossed.normal, crossed.change));
         slots.each_crossing(|other, normal, rises| {
             let other = &bands.chains[other as usize];
-            found(other.edge, normal, if rises { -other.jump } else { other.jump });
+            found(other.edge, normal, (1 - 2 * i32::from(rises)) * other.jump);
         });
     }
 }

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::chains::Chain;
 use super::edges::{Edges, NIL};
 
-/// Bits of a word of a mask.
+/// Bits of a word of a mask: slots of a block.
 const WORD: usize = u64::BITS as usize;
 /// Slots handled side by side.
 const LANES: usize = 8;
@@ -13,16 +13,18 @@ const LANES: usize = 8;
 const DIGITS: usize = 3;
 /// The largest jump that fits.
 pub(super) const MOST_JUMP: u32 = (1 << DIGITS) - 1;
+/// Blocks of a band beyond which keeping order would be better than comparing one by one.
+const MOST_BLOCKS: usize = 64;
 
 /// A vertex within this distance of an edge's line, times the edge's length, may be on either side of it: normals and unit
 /// vectors are known to a few 1e-16.
 pub(super) const DOUBT: f64 = 2e-15;
-/// The same in single precision, with unit normals: ten roundings of 6e-8 each.
-pub(super) const NEAR: f32 = 6e-7;
+/// The same in single precision, with normals of length 1 to 4: five roundings of 6e-8 each.
+pub(super) const NEAR: f32 = 1.2e-6;
 
-/// Sixty-four slots, a bit of every mask each.
-#[derive(Clone, Copy, Debug, Default)]
-struct Word {
+/// Sixty-four slots, a bit of every mask each. A slot is free again when its chain has left the band.
+#[derive(Clone, Copy, Debug)]
+struct Block {
     taken: u64,
     /// Which pass above the vertex at hand. Those that are not taken never do.
     above: u64,
@@ -31,46 +33,31 @@ struct Word {
     /// Sign and binary digits of the jumps.
     negative: u64,
     sizes: [u64; DIGITS],
+    /// Normals by coordinate: not a number where there is nothing to be compared, so that every comparison fails.
+    normals: [[f32; WORD]; 3],
+    chains: [u32; WORD],
+    tallies: [Tally; WORD],
 }
 
-impl Word {
-    fn set_jump(&mut self, bit: usize, jump: i32) {
-        let put = |mask: &mut u64, value: bool| *mask = *mask & !(1 << bit) | u64::from(value) << bit;
-        put(&mut self.negative, jump < 0);
-        for (digit, mask) in self.sizes.iter_mut().enumerate() {
-            put(mask, jump.unsigned_abs() >> digit & 1 != 0);
-        }
-    }
-
-    /// Sum of the jumps of some slots.
-    #[inline(always)]
-    fn jumps(&self, slots: u64) -> i32 {
-        let digits = self.sizes.iter().enumerate();
-        digits.map(|(digit, &mask)| (count(slots & mask) - 2 * count(slots & mask & self.negative)) << digit).sum()
-    }
-
-    /// Sum of their sizes.
-    #[inline(always)]
-    fn sizes(&self, slots: u64) -> i32 {
-        self.sizes.iter().enumerate().map(|(digit, &mask)| count(slots & mask) << digit).sum()
-    }
+/// The crossings of the edge in a slot with edges that have ended.
+#[derive(Clone, Copy, Debug)]
+struct Tally {
+    /// Sum of the sizes of their jumps.
+    size: i32,
+    /// The last one.
+    last: u32,
 }
 
-fn count(mask: u64) -> i32 {
-    mask.count_ones() as i32
-}
-
-/// The numbers of the bits that are set.
-#[inline(always)]
-fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let bit = mask.trailing_zeros() as usize;
-        (mask != 0).then(|| {
-            mask &= mask - 1;
-            bit
-        })
-    })
-}
+const EMPTY: Block = Block {
+    taken: 0,
+    above: 0,
+    continued: 0,
+    negative: 0,
+    sizes: [0; DIGITS],
+    normals: [[f32::NAN; WORD]; 3],
+    chains: [NIL; WORD],
+    tallies: [Tally { size: 0, last: NIL }; WORD],
+};
 
 /// A crossing of the edge in a slot with one that has ended.
 #[derive(Clone, Copy, Debug)]
@@ -84,267 +71,52 @@ pub(super) struct Crossed {
     next: u32,
 }
 
-/// The crossings of the edge in a slot with edges that have ended.
-#[derive(Clone, Copy, Debug)]
-struct Tally {
-    /// Sum of the sizes of their jumps.
-    size: i32,
-    /// The last one.
-    last: u32,
-}
-
-const NONE: Tally = Tally { size: 0, last: NIL };
-
-/// What the edge that ended last has crossed, in one word of slots.
+/// What the edge that ended last has crossed, in one block.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    word: usize,
+    block: usize,
     slots: u64,
     /// Which of them were above it before.
     rises: u64,
 }
 
-/// Sets one bit of each row to that of a mask.
-#[inline(always)]
-fn set_column(rows: &mut [u64], bit: usize, mask: u64) {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { set_column_avx2(rows, bit, mask) };
-    }
-    set_column_inline(rows, bit, mask);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn set_column_avx2(rows: &mut [u64], bit: usize, mask: u64) {
-    set_column_inline(rows, bit, mask);
-}
-
-#[inline(always)]
-fn set_column_inline(rows: &mut [u64], bit: usize, mask: u64) {
-    for (other, row) in rows.iter_mut().enumerate() {
-        *row = *row & !(1 << bit) | (mask >> other & 1) << bit;
-    }
-}
-
-/// The slots of one band. A slot is free again when its chain has left the band.
-#[derive(Debug, Default)]
-pub(super) struct Slots {
-    words: Vec<Word>,
-    /// Slots up to the last one taken, in whole lanes.
-    used: usize,
-    /// Normals by coordinate: not a number where there is nothing to be compared, so that every comparison fails.
-    normals: [Vec<f32>; 3],
-    chains: Vec<u32>,
-    /// Word w of slot s at `w * capacity + s`: which chains lay above that in the slot at the last vertex of either.
-    rows: Vec<u64>,
-    tallies: Vec<Tally>,
-    crossed: Vec<Crossed>,
-    crossing: Vec<Crossing>,
-}
-
-impl Slots {
-    /// Frees all slots.
-    pub fn reset(&mut self) {
-        self.used = 0;
-        self.words.fill(Word::default());
-        self.normals[0].fill(f32::NAN);
-        self.crossed.clear();
-    }
-
-    /// Whether keeping order would be better than comparing one by one.
-    pub fn is_crowded(&self) -> bool {
-        const MOST: usize = 4096;
-        self.capacity() > MOST
-    }
-
-    /// The chains in all slots taken.
-    pub fn taken(&self) -> impl Iterator<Item = u32> {
-        self.words.iter().enumerate().flat_map(move |(w, word)| bits(word.taken).map(move |bit| self.chains[WORD * w + bit]))
-    }
-
-    /// Words of the slots up to the last one taken.
-    #[inline(always)]
-    fn width(&self) -> usize {
-        self.used.div_ceil(WORD)
-    }
-
-    /// Whether a chain keeps others from being compared faster: it is the last one, far behind a free slot.
-    #[inline(always)]
-    pub fn is_astray(&self, slot: usize) -> bool {
-        slot + LANES >= self.used && self.free() + 2 * LANES < slot
-    }
-
-    /// The first free slot, if there is one.
-    #[inline(always)]
-    fn free(&self) -> usize {
-        let word = self.words.iter().position(|word| word.taken != u64::MAX);
-        word.map_or(self.capacity(), |word| WORD * word + self.words[word].taken.trailing_ones() as usize)
-    }
-
-    fn capacity(&self) -> usize {
-        self.chains.len()
-    }
-
-    /// Calls back for the crossings of the edge in a slot with others that have ended.
-    #[inline(always)]
-    pub fn each_crossed(&self, slot: usize, mut found: impl FnMut(&Crossed)) {
-        let mut last = self.tallies[slot].last;
-        while let Some(crossed) = self.crossed.get(last as usize) {
-            found(crossed);
-            last = crossed.next;
+impl Block {
+    fn set_jump(&mut self, bit: usize, jump: i32) {
+        put(&mut self.negative, bit, jump < 0);
+        for (digit, mask) in self.sizes.iter_mut().enumerate() {
+            put(mask, bit, jump.unsigned_abs() >> digit & 1 != 0);
         }
     }
 
-    /// Calls back for what the edge that ended last has crossed: the chain, its normal, and whether it was above before.
+    /// Sum of the jumps of what is above.
     #[inline(always)]
-    pub fn each_crossing(&self, mut found: impl FnMut(u32, Vec3, bool)) {
-        for &Crossing { word, slots, rises } in &self.crossing {
-            for bit in bits(slots) {
-                let slot = WORD * word + bit;
-                let [x, y, z] = self.normals.each_ref().map(|axis| axis[slot]);
-                found(self.chains[slot], Vec3::new(x, y, z), rises >> bit & 1 != 0);
-            }
-        }
+    fn jumps_above(&self) -> i32 {
+        let digits = self.sizes.iter().enumerate();
+        let sum = |mask: u64| count(self.above & mask) - 2 * count(self.above & mask & self.negative);
+        digits.map(|(digit, &mask)| sum(mask) << digit).sum()
     }
 
-    /// Takes a free slot for a chain; its edge starts at the vertex at hand, or below what is marked as above.
-    pub fn insert(&mut self, chain: u32, jump: i32, is_continued: bool) -> usize {
-        let slot = self.free();
-        if slot == self.capacity() {
-            self.grow();
-        }
-        let (w, bit) = (slot / WORD, slot % WORD);
-        let old = self.width();
-        self.used = self.used.max((slot / LANES + 1) * LANES);
-        // These have not been looked at.
-        self.words[old.min(w + 1)..=w].iter_mut().for_each(|word| word.above = 0);
-        let word = &mut self.words[w];
-        word.taken |= 1 << bit;
-        word.set_jump(bit, jump);
-        self.chains[slot] = chain;
-        // It is above those that are not above it.
-        let width = self.width();
-        let rows = self.rows[w * self.chains.len()..][..WORD * width].chunks_exact_mut(WORD);
-        rows.zip(&self.words).for_each(|(rows, word)| set_column(rows, bit, !word.above));
-        self.rest(slot, is_continued);
-        slot
-    }
-
-    /// A chain's next edge starts in its slot at the vertex at hand.
+    /// Sum of the sizes of some jumps.
     #[inline(always)]
-    pub fn rest(&mut self, slot: usize, is_continued: bool) {
-        let (w, bit) = (slot / WORD, slot % WORD);
-        let word = &mut self.words[w];
-        word.continued = word.continued & !(1 << bit) | u64::from(is_continued) << bit;
-        self.tallies[slot] = NONE;
-        let capacity = self.capacity();
-        for (w, word) in self.words[..self.width()].iter().enumerate() {
-            self.rows[w * capacity + slot] = word.above;
-        }
+    fn sizes(&self, slots: u64) -> i32 {
+        self.sizes.iter().enumerate().map(|(digit, &mask)| count(slots & mask) << digit).sum()
     }
 
-    /// Sets the line of the edge in a slot.
+    /// Slots up to the last one taken.
     #[inline(always)]
-    pub fn show(&mut self, slot: usize, normal: Vec3) {
-        for (axis, value) in self.normals.iter_mut().zip(normal.to_array()) {
-            axis[slot] = value;
-        }
+    fn used(&self) -> usize {
+        WORD - self.taken.leading_zeros() as usize
     }
 
-    /// Lets a slot out of comparisons.
     #[inline(always)]
-    pub fn hide(&mut self, slot: usize) {
-        self.normals[0][slot] = f32::NAN;
-    }
-
-    /// Frees a slot. What lay above it can be asked until another chain is inserted.
-    pub fn remove(&mut self, slot: usize) {
-        self.hide(slot);
-        self.words[slot / WORD].taken &= !(1 << (slot % WORD));
-        if slot + LANES >= self.used {
-            let last = self.words.iter().rposition(|word| word.taken != 0);
-            self.used = last.map_or(0, |w| {
-                let end = WORD * (w + 1) - self.words[w].taken.leading_zeros() as usize;
-                end.next_multiple_of(LANES)
-            });
-        }
-    }
-
-    #[cold]
-    fn grow(&mut self) {
-        let old = self.capacity();
-        let words = (2 * self.words.len()).max(1);
-        let new = WORD * words;
-        let mut rows = vec![0; words * new];
-        for w in 0..self.words.len() {
-            rows[w * new..][..old].copy_from_slice(&self.rows[w * old..][..old]);
-        }
-        self.rows = rows;
-        self.words.resize(words, Word::default());
-        self.normals.iter_mut().for_each(|axis| axis.resize(new, f32::NAN));
-        self.chains.resize(new, NIL);
-        self.tallies.resize(new, NONE);
-    }
-
-    /// Sum of the jumps of all that is marked as above.
-    #[inline(always)]
-    pub fn jumps_above(&self) -> i32 {
-        self.words[..self.width()].iter().map(|word| word.jumps(word.above)).sum()
-    }
-
-    /// Marks nothing as above.
-    pub fn clear_above(&mut self) {
-        self.words.iter_mut().for_each(|word| word.above = 0);
-    }
-
-    /// Marks a slot as above.
-    pub fn set_above(&mut self, slot: usize) {
-        self.words[slot / WORD].above |= 1 << (slot % WORD);
-    }
-
-    /// Whether one slot lay above another at the last vertex of either.
-    pub fn was_above(&self, slot: usize, other: usize) -> bool {
-        self.rows[other / WORD * self.capacity() + slot] >> (other % WORD) & 1 != 0
-    }
-
-    /// Enters what the edge in a slot, ending at the vertex at hand, has crossed since the last vertices; in the first of
-    /// its bands, or in one in which that above has been asked. Returns the sum of the sizes of jumps that have crossed the edge
-    /// in all its life, as far as this band counts them.
-    #[inline(always)]
-    pub fn cross(&mut self, slot: usize, is_first: bool, chain: &Chain) -> i32 {
-        let (w, mine, capacity) = (slot / WORD, 1 << (slot % WORD), self.capacity());
-        let (size, normal) = (chain.jump.abs(), chain.normal);
-        let mut sum = self.tallies[slot].size;
-        self.crossing.clear();
-        for (other, word) in self.words[..self.used.div_ceil(WORD)].iter().enumerate() {
-            let was_above = self.rows[other * capacity + slot];
-            let crossed = (was_above ^ word.above) & word.taken;
-            if crossed == 0 {
-                continue;
-            }
-            let counted = if is_first { crossed } else { crossed & !word.continued };
-            for bit in bits(crossed) {
-                self.rows[w * capacity + WORD * other + bit] ^= mine;
-            }
-            for bit in bits(counted) {
-                let other = WORD * other + bit;
-                let tally = &mut self.tallies[other];
-                tally.size += size;
-                let next = std::mem::replace(&mut tally.last, self.crossed.len() as u32);
-                let change = if was_above >> bit & 1 != 0 { chain.jump } else { -chain.jump };
-                self.crossed.push(Crossed { edge: chain.edge, normal, change, next });
-            }
-            sum += word.sizes(counted);
-            self.crossing.push(Crossing { word: other, slots: counted, rises: was_above });
-        }
-        sum
+    fn normal(&self, bit: usize) -> Vec3 {
+        let [x, y, z] = &self.normals;
+        Vec3::new(x[bit % WORD], y[bit % WORD], z[bit % WORD])
     }
 
     /// Marks which chains pass above a unit vector. Returns whether one passes so near that single precision may be wrong.
     #[inline(always)]
-    pub fn look(&mut self, position: Vec3) -> bool {
+    fn look(&mut self, position: Vec3) -> bool {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
@@ -355,15 +127,12 @@ impl Slots {
 
     fn look_portable(&mut self, position: Vec3) -> bool {
         let mut is_near = false;
-        for (w, word) in self.words.iter_mut().enumerate() {
-            word.above = 0;
-            for slot in WORD * w..(WORD * (w + 1)).min(self.used) {
-                let height = self.normals[0][slot] * position.x
-                    + self.normals[1][slot] * position.y
-                    + self.normals[2][slot] * position.z;
-                is_near |= height.abs() < NEAR;
-                word.above |= u64::from(height < 0.0) << (slot % WORD);
-            }
+        self.above = 0;
+        for slot in 0..WORD {
+            let normal = self.normal(slot);
+            let height = normal.x * position.x + normal.y * position.y + normal.z * position.z;
+            is_near |= height.abs() < NEAR;
+            self.above |= u64::from(height < 0.0) << slot;
         }
         is_near
     }
@@ -372,49 +141,299 @@ impl Slots {
     #[target_feature(enable = "avx2")]
     fn look_avx2(&mut self, position: Vec3) -> bool {
         use std::arch::x86_64::*;
-        let [x, y, z] = position.to_array().map(|value| _mm256_set1_ps(value));
-        let (zero, limit, sign) = (_mm256_setzero_ps(), _mm256_set1_ps(NEAR), _mm256_set1_ps(-0.0));
-        let mut near = zero;
-        let [nx, ny, nz] = self.normals.each_ref().map(|axis| axis[..self.used].chunks(WORD));
-        let mut words = self.words.iter_mut();
-        for ((nx, ny), nz) in nx.zip(ny).zip(nz) {
-            let mut above = 0;
-            let blocks = nx.chunks_exact(LANES).zip(ny.chunks_exact(LANES)).zip(nz.chunks_exact(LANES));
-            for (block, ((nx, ny), nz)) in blocks.enumerate() {
-                // SAFETY: chunks hold eight numbers each.
-                let [nx, ny, nz] = [nx, ny, nz].map(|lane| unsafe { _mm256_loadu_ps(lane.as_ptr()) });
-                // In the order of the portable sum.
-                let height = _mm256_add_ps(_mm256_mul_ps(nx, x), _mm256_mul_ps(ny, y));
-                let height = _mm256_add_ps(height, _mm256_mul_ps(nz, z));
-                near = _mm256_or_ps(near, _mm256_cmp_ps::<_CMP_LT_OQ>(_mm256_andnot_ps(sign, height), limit));
-                let is_above = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(height, zero));
-                above |= (is_above as u64) << (LANES * block);
+        let (x, y, z) = (_mm256_set1_ps(position.x), _mm256_set1_ps(position.y), _mm256_set1_ps(position.z));
+        let (zero, sign) = (_mm256_setzero_ps(), _mm256_set1_ps(-0.0));
+        let mut nearest = _mm256_set1_ps(f32::INFINITY);
+        let mut above = 0;
+        let used = self.used();
+        for lane in 0..WORD / LANES {
+            if lane * LANES >= used {
+                break;
             }
-            if let Some(word) = words.next() {
-                word.above = above;
-            }
+            let at = lane * LANES;
+            let [nx, ny, nz] = &self.normals;
+            // SAFETY: eight numbers from there on are within the arrays.
+            let (nx, ny, nz) = unsafe {
+                (
+                    _mm256_loadu_ps(nx.as_ptr().add(at)),
+                    _mm256_loadu_ps(ny.as_ptr().add(at)),
+                    _mm256_loadu_ps(nz.as_ptr().add(at)),
+                )
+            };
+            // In the order of the portable sum.
+            let height = _mm256_add_ps(_mm256_mul_ps(nx, x), _mm256_mul_ps(ny, y));
+            let height = _mm256_add_ps(height, _mm256_mul_ps(nz, z));
+            // What is not a number leaves the minimum as it is.
+            nearest = _mm256_min_ps(_mm256_andnot_ps(sign, height), nearest);
+            let is_above = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(height, zero));
+            above |= (is_above as u64) << (LANES * lane);
         }
-        _mm256_movemask_ps(near) != 0
+        self.above = above;
+        _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(nearest, _mm256_set1_ps(NEAR))) != 0
+    }
+}
+
+fn put(mask: &mut u64, bit: usize, value: bool) {
+    *mask = *mask & !(1 << bit) | u64::from(value) << bit;
+}
+
+fn count(mask: u64) -> i32 {
+    mask.count_ones() as i32
+}
+
+/// The numbers of the bits that are set.
+#[inline(always)]
+fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        if mask == 0 {
+            return None;
+        }
+        let bit = mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        Some(bit)
+    })
+}
+
+/// Sets one bit of each row to that of a mask.
+#[inline(always)]
+fn set_column(rows: &mut [u64; WORD], bit: usize, mask: u64) {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { set_column_avx2(rows, bit, mask) };
+    }
+    set_column_inline(rows, bit, mask);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn set_column_avx2(rows: &mut [u64; WORD], bit: usize, mask: u64) {
+    set_column_inline(rows, bit, mask);
+}
+
+#[inline(always)]
+fn set_column_inline(rows: &mut [u64; WORD], bit: usize, mask: u64) {
+    for (other, row) in rows.iter_mut().enumerate() {
+        *row = *row & !(1 << bit) | (mask >> other & 1) << bit;
+    }
+}
+
+/// The slots of one band, in blocks.
+#[derive(Debug, Default)]
+pub(super) struct Slots {
+    blocks: Vec<Block>,
+    /// Blocks up to the last one with a slot taken.
+    used: usize,
+    /// Which chains of block b lay above that in slot s of block a, at the last vertex of either: `[a * blocks + b][s]`.
+    rows: Vec<[u64; WORD]>,
+    crossed: Vec<Crossed>,
+    crossing: Vec<Crossing>,
+}
+
+impl Slots {
+    /// Frees all slots.
+    pub fn reset(&mut self) {
+        self.used = 0;
+        self.blocks.fill(EMPTY);
+        self.crossed.clear();
     }
 
-    /// The same in double precision: whether some edge passes within rounding, which becomes doubtful.
+    /// Whether keeping order would be better.
+    pub fn is_crowded(&self) -> bool {
+        self.blocks.len() > MOST_BLOCKS
+    }
+
+    /// The chains in all slots taken.
+    pub fn taken(&self) -> impl Iterator<Item = u32> {
+        self.blocks.iter().flat_map(|block| bits(block.taken).map(|bit| block.chains[bit]))
+    }
+
+    fn row(&self, slot: usize, block: usize) -> u64 {
+        self.rows[slot / WORD * self.blocks.len() + block][slot % WORD]
+    }
+
+    /// Whether a chain keeps others from being compared faster: it is the last one of a block, far behind a free slot.
+    #[inline(always)]
+    pub fn is_astray(&self, slot: usize) -> bool {
+        let (block, bit) = (slot / WORD, slot % WORD);
+        block + 1 == self.used && self.blocks[block].taken >> bit == 1 && self.free() + 2 * LANES < slot
+    }
+
+    /// The first free slot; beyond all blocks if there is none.
+    #[inline(always)]
+    fn free(&self) -> usize {
+        let block = self.blocks.iter().position(|block| block.taken != u64::MAX);
+        block.map_or(WORD * self.blocks.len(), |b| WORD * b + self.blocks[b].taken.trailing_ones() as usize)
+    }
+
+    /// Takes a free slot for a chain; its edge starts at the vertex at hand, or below what is marked as above.
+    #[inline(always)]
+    pub fn insert(&mut self, id: u32, chain: &Chain, is_continued: bool) -> usize {
+        let slot = self.free();
+        let (a, bit) = (slot / WORD, slot % WORD);
+        if a == self.blocks.len() {
+            self.grow();
+        }
+        if a >= self.used {
+            // It has not been looked at.
+            self.blocks[a].above = 0;
+            self.used = a + 1;
+        }
+        let block = &mut self.blocks[a];
+        block.taken |= 1 << bit;
+        block.set_jump(bit, chain.jump);
+        block.chains[bit] = id;
+        // It is above those that are not above it.
+        for b in 0..self.used {
+            set_column(&mut self.rows[b * self.blocks.len() + a], bit, !self.blocks[b].above);
+        }
+        self.follow(slot, chain, is_continued);
+        slot
+    }
+
+    /// A chain's next edge starts in its slot at the vertex at hand.
+    #[inline(always)]
+    pub fn follow(&mut self, slot: usize, chain: &Chain, is_continued: bool) {
+        let (a, bit) = (slot / WORD, slot % WORD);
+        let count = self.blocks.len();
+        for (rows, block) in self.rows[a * count..][..self.used].iter_mut().zip(&self.blocks) {
+            rows[bit] = block.above;
+        }
+        let block = &mut self.blocks[a];
+        put(&mut block.continued, bit, is_continued);
+        block.tallies[bit] = Tally { size: 0, last: NIL };
+        let [nx, ny, nz] = &mut block.normals;
+        (nx[bit], ny[bit], nz[bit]) = chain.normal.into();
+    }
+
+    /// Lets a slot out of comparisons.
+    #[inline(always)]
+    pub fn hide(&mut self, slot: usize) {
+        self.blocks[slot / WORD].normals[0][slot % WORD] = f32::NAN;
+    }
+
+    /// Frees a slot. What lay above it can be asked until another chain is inserted.
+    #[inline(always)]
+    pub fn remove(&mut self, slot: usize) {
+        self.hide(slot);
+        self.blocks[slot / WORD].taken &= !(1 << (slot % WORD));
+        while self.used > 0 && self.blocks[self.used - 1].taken == 0 {
+            self.used -= 1;
+        }
+    }
+
     #[cold]
-    pub fn look_closely(&mut self, position: DVec3, edges: &Edges, chains: &mut [Chain]) -> bool {
-        let mut is_near = false;
-        for (w, word) in self.words.iter_mut().enumerate() {
-            word.above = 0;
-            for bit in bits(word.taken) {
-                let slot = WORD * w + bit;
-                if self.normals[0][slot].is_nan() {
-                    continue;
-                }
-                let chain = &mut chains[self.chains[slot] as usize];
-                let height = edges.edges[chain.edge as usize].normal.dot(position);
-                if height.abs() < DOUBT {
-                    (is_near, chain.is_doubtful) = (true, true);
-                }
-                word.above |= u64::from(height < 0.0) << bit;
+    fn grow(&mut self) {
+        let old = self.blocks.len();
+        let new = (2 * old).max(1);
+        let mut rows = vec![[0; WORD]; new * new];
+        for block in 0..old {
+            rows[block * new..][..old].copy_from_slice(&self.rows[block * old..][..old]);
+        }
+        self.rows = rows;
+        self.blocks.resize(new, EMPTY);
+    }
+
+    /// Sum of the jumps of all that is marked as above.
+    #[inline(always)]
+    pub fn jumps_above(&self) -> i32 {
+        self.blocks[..self.used].iter().map(Block::jumps_above).sum()
+    }
+
+    /// Marks nothing as above.
+    pub fn clear_above(&mut self) {
+        self.blocks.iter_mut().for_each(|block| block.above = 0);
+    }
+
+    /// Marks a slot as above.
+    pub fn set_above(&mut self, slot: usize) {
+        self.blocks[slot / WORD].above |= 1 << (slot % WORD);
+    }
+
+    /// Whether one slot lay above another at the last vertex of either.
+    pub fn was_above(&self, slot: usize, other: usize) -> bool {
+        self.row(slot, other / WORD) >> (other % WORD) & 1 != 0
+    }
+
+    /// Enters what the edge in a slot, ending at the vertex at hand, has crossed since the last vertices; in the first of
+    /// its bands, or in one in which that above has been asked. Returns the sum of the sizes of jumps that have crossed the edge
+    /// in all its life, as far as this band counts them.
+    #[inline(always)]
+    pub fn cross(&mut self, slot: usize, is_first: bool, chain: &Chain) -> i32 {
+        let (a, mine, count) = (slot / WORD, 1 << (slot % WORD), self.blocks.len());
+        let Chain { edge, normal, jump, .. } = *chain;
+        let mut sum = self.blocks[a].tallies[slot % WORD].size;
+        self.crossing.clear();
+        for (b, block) in self.blocks[..self.used].iter_mut().enumerate() {
+            let was_above = self.rows[a * count + b][slot % WORD];
+            let crossed = (was_above ^ block.above) & block.taken;
+            if crossed == 0 {
+                continue;
             }
+            let rows = &mut self.rows[b * count + a];
+            let twice = if is_first { 0 } else { crossed & block.continued };
+            bits(twice).for_each(|bit| rows[bit] ^= mine);
+            let slots = crossed ^ twice;
+            for bit in bits(slots) {
+                rows[bit] ^= mine;
+                let tally = &mut block.tallies[bit];
+                tally.size += jump.abs();
+                let next = std::mem::replace(&mut tally.last, self.crossed.len() as u32);
+                let sign = 2 * (was_above >> bit & 1) as i32 - 1;
+                self.crossed.push(Crossed { edge, normal, change: sign * jump, next });
+            }
+            sum += block.sizes(slots);
+            self.crossing.push(Crossing { block: b, slots, rises: was_above });
+        }
+        sum
+    }
+
+    /// Calls back for the crossings of the edge in a slot with others that have ended.
+    #[inline(always)]
+    pub fn each_crossed(&self, slot: usize, mut found: impl FnMut(&Crossed)) {
+        let mut last = self.blocks[slot / WORD].tallies[slot % WORD].last;
+        while let Some(crossed) = self.crossed.get(last as usize) {
+            found(crossed);
+            last = crossed.next;
+        }
+    }
+
+    /// Calls back for what the edge that ended last has crossed: the chain, its normal, and whether it was above before.
+    #[inline(always)]
+    pub fn each_crossing(&self, mut found: impl FnMut(u32, Vec3, bool)) {
+        for &Crossing { block, slots, rises } in &self.crossing {
+            let block = &self.blocks[block];
+            bits(slots).for_each(|bit| found(block.chains[bit], block.normal(bit), rises >> bit & 1 != 0));
+        }
+    }
+
+    /// Marks which chains pass above a unit vector; whether for one this is in doubt, which then is doubtful. `rounded` is the
+    /// vector in single precision, which is enough for most.
+    #[inline(always)]
+    pub fn look(&mut self, position: DVec3, rounded: Vec3, edges: &Edges, chains: &mut [Chain]) -> bool {
+        let mut is_near = false;
+        for block in &mut self.blocks[..self.used] {
+            if block.look(rounded) {
+                is_near |= block.look_closely(position, edges, chains);
+            }
+        }
+        is_near
+    }
+}
+
+impl Block {
+    /// The same in double precision.
+    #[cold]
+    fn look_closely(&mut self, position: DVec3, edges: &Edges, chains: &mut [Chain]) -> bool {
+        let mut is_near = false;
+        self.above = 0;
+        for bit in bits(self.taken).filter(|&bit| !self.normals[0][bit].is_nan()) {
+            let chain = &mut chains[self.chains[bit] as usize];
+            let height = edges.edges[chain.edge as usize].normal.dot(position);
+            if height.abs() < DOUBT {
+                (is_near, chain.is_doubtful) = (true, true);
+            }
+            self.above |= u64::from(height < 0.0) << bit;
         }
         is_near
     }
