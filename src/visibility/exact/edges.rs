@@ -1,7 +1,5 @@
 //! Contours in the chart: the vertices in order of azimuth, the edges between them as directed lines.
 
-use std::cmp::Ordering;
-
 use glam::DVec3;
 
 use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
@@ -28,10 +26,6 @@ pub(super) struct Vertex {
     pub azimuth: f64,
     /// Positive above the horizon. Its sign alone decides, and it alone decides.
     pub height: f64,
-    /// First of the edges that end here, linked by `next_end`.
-    pub ends: u32,
-    /// First of the edges that start here; they lie side by side, up to the first of the next vertex.
-    pub starts: u32,
 }
 
 /// A piece of a contour, from its first vertex to its second in the order of azimuth.
@@ -83,6 +77,10 @@ pub(super) struct MeetsPole;
 pub(super) struct Edges {
     /// By azimuth, ties by index in the contours.
     pub vertices: Vec<Vertex>,
+    /// For each vertex the first of the edges that end there, linked by `next_end`.
+    pub ends: Vec<u32>,
+    /// For each vertex the first of the edges that start there, and the number of edges: they lie side by side.
+    starts: Vec<u32>,
     /// The pole, the horizon if there is one, then the edges at the seam, then the others by first vertex: the sweep
     /// reads memory in order.
     pub edges: Vec<Edge>,
@@ -144,14 +142,14 @@ impl Edges {
             self.at_seam.push(HORIZON_EDGE);
             self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP, NIL);
         }
-        for vertex in &mut self.vertices {
-            let count = std::mem::replace(&mut vertex.starts, start);
+        for next_place in &mut self.starts {
+            let count = std::mem::replace(next_place, start);
             start += count;
         }
 
-        let Self { unsorted, inverses, ranks, vertices, edges, latitudes, .. } = self;
+        let Self { unsorted, inverses, ranks, starts, ends, edges, latitudes, .. } = self;
         let (unsorted, inverses, ranks) = (&unsorted[..], &inverses[..], &ranks[..]);
-        let (vertices, edges, latitudes) = (&mut vertices[..], &mut edges[..], &*latitudes);
+        let (starts, ends, edges) = (&mut starts[..], &mut ends[..], &mut edges[..]);
         let mut steepest = 0;
         for &Span { arc: source, first, second, is_forward, wraps } in &self.spans {
             let arc = &contours.arcs[source as usize];
@@ -169,7 +167,7 @@ impl Edges {
             steepest = steepest.max(jump.unsigned_abs());
             let [first, second] = [first, second].map(|place| ranks[place as usize]);
             // Until all edges have their place, `starts` is where the next one goes.
-            let next_place = &mut vertices[first as usize].starts;
+            let next_place = &mut starts[first as usize];
             let mut place = *next_place;
             *next_place += 1;
             let mut edge = Edge { start: first, ..Edge::new(normal, jump, source) };
@@ -185,22 +183,20 @@ impl Edges {
                 seam += 1;
             }
             edge.end = second;
-            edge.next_end = std::mem::replace(&mut vertices[second as usize].ends, place);
+            edge.next_end = std::mem::replace(&mut ends[second as usize], place);
             edges[place as usize] = edge;
         }
         self.steepest = steepest;
-        for i in (1..self.vertices.len()).rev() {
-            self.vertices[i].starts = self.vertices[i - 1].starts;
-        }
-        if let Some(vertex) = self.vertices.first_mut() {
-            vertex.starts = seam;
-        }
+        // The first place of each has become that of the next.
+        self.starts.copy_within(..self.vertices.len(), 1);
+        self.starts[0] = seam;
         Ok(())
     }
 
     /// The edges that start at a vertex.
-    pub fn starts(vertices: &[Vertex], edges: &[Edge], rank: usize) -> std::ops::Range<u32> {
-        vertices[rank].starts..vertices.get(rank + 1).map_or(edges.len() as u32, |next| next.starts)
+    #[inline(always)]
+    pub fn starts(&self, rank: usize) -> std::ops::Range<u32> {
+        self.starts[rank]..self.starts[rank + 1]
     }
 
     /// First and last point of an edge.
@@ -224,15 +220,13 @@ impl Edges {
         self.vertices.get(rank as usize).map_or_else(|| on_seam(edge.normal), |v| v.position)
     }
 
-    /// Positive if two edges that start at one vertex come downwards in this order, and as sure as it is far from zero.
-    pub fn order(&self, upper: u32, lower: u32) -> f64 {
+    /// Positive if two edges that start at a point come downwards in this order, and as sure as it is far from zero.
+    pub fn order(&self, upper: u32, lower: u32, start: DVec3) -> f64 {
         let (u, l) = (&self.edges[upper as usize], &self.edges[lower as usize]);
-        match l.end.cmp(&u.end) {
-            Ordering::Equal if l.end == SEAM => on_seam(u.normal).z - on_seam(l.normal).z,
+        match l.end == u.end && l.end != SEAM {
             // They enclose nothing.
-            Ordering::Equal => f64::INFINITY,
-            Ordering::Less => -u.normal.dot(self.end(l)),
-            Ordering::Greater => l.normal.dot(self.end(u)),
+            true => f64::INFINITY,
+            false => l.normal.cross(u.normal).dot(start),
         }
     }
 
@@ -271,7 +265,7 @@ impl Edges {
             let position = chart.local(direction);
             self.inverses.push(inverse);
             let azimuth = azimuth(position.x, position.y);
-            self.unsorted.push(Vertex { position, azimuth, height, ends: NIL, starts: 0 });
+            self.unsorted.push(Vertex { position, azimuth, height });
         }
         *place
     }
@@ -287,6 +281,10 @@ impl Edges {
             self.vertices.push(self.unsorted[v as usize]);
         }
         let (mut passed, count) = (0, self.vertices.len());
+        self.ends.clear();
+        self.ends.resize(count, NIL);
+        self.starts.clear();
+        self.starts.resize(count + 1, 0);
         for span in &mut self.spans {
             let (a, b) = (self.ranks[span.first as usize], self.ranks[span.second as usize]);
             let [va, vb] = [span.first, span.second].map(|place| self.unsorted[place as usize].azimuth);
@@ -297,7 +295,7 @@ impl Edges {
             let backward = usize::from(!span.is_forward);
             let (places, ranks) = ([span.first, span.second], [a, b]);
             (span.first, span.second) = (places[backward], places[1 - backward]);
-            self.vertices[ranks[backward] as usize].starts += 1;
+            self.starts[ranks[backward] as usize] += 1;
         }
         let mean_active = passed / count.max(1);
         let positions = self.unsorted.iter().map(|vertex| vertex.position);

@@ -139,25 +139,25 @@ impl Masks<'_> {
     fn vertices_inline(&mut self) -> Result<(), Doubt> {
         let edges = self.edges;
         for (rank, vertex) in edges.vertices.iter().enumerate() {
-            let starts = Edges::starts(&edges.vertices, &edges.edges, rank);
-            if vertex.ends != NIL && starts.len() == 1 {
-                let (ended, started) = (&edges.edges[vertex.ends as usize], &edges.edges[starts.start as usize]);
-                if ended.next_end == NIL && ended.jump == started.jump {
-                    self.proceed(vertex, starts.start)?;
+            let (ended, starts) = (edges.ends[rank], edges.starts(rank));
+            if ended != NIL && starts.len() == 1 {
+                let [end, start] = [ended, starts.start].map(|id| &edges.edges[id as usize]);
+                if end.next_end == NIL && end.jump == start.jump {
+                    self.proceed(vertex, ended, starts.start)?;
                     continue;
                 }
             }
-            self.branch(vertex, starts)?;
+            self.branch(vertex, ended, starts)?;
         }
         Ok(())
     }
 
     /// One edge ends at a vertex, and another takes its place.
     #[inline(always)]
-    fn proceed(&mut self, vertex: &Vertex, started: u32) -> Result<(), Doubt> {
+    fn proceed(&mut self, vertex: &Vertex, ended: u32, started: u32) -> Result<(), Doubt> {
         let Buffers { bands, pieces, chains, .. } = &mut *self.buffers;
         let is_above_horizon = vertex.height > 0.0;
-        let id = chains[vertex.ends as usize];
+        let id = chains[ended as usize];
         let started_edge = &self.edges.edges[started as usize];
         let chain = &bands.chains[id as usize];
         let first = chain.first_band.min(started_edge.first_band).into();
@@ -182,13 +182,12 @@ impl Masks<'_> {
 
     /// Any number of edges end and start at a vertex.
     #[inline(always)]
-    fn branch(&mut self, vertex: &Vertex, starts: Range<u32>) -> Result<(), Doubt> {
+    fn branch(&mut self, vertex: &Vertex, mut ended: u32, starts: Range<u32>) -> Result<(), Doubt> {
         let ends = &mut self.buffers.ends;
         ends.clear();
-        let mut id = vertex.ends;
-        while id != NIL {
-            ends.push(id);
-            id = self.edges.edges[id as usize].next_end;
+        while ended != NIL {
+            ends.push(ended);
+            ended = self.edges.edges[ended as usize].next_end;
         }
         // Where a contour turns there are two of them. Numbers known beforehand keep the processor from guessing.
         match (ends.len(), starts.len()) {
@@ -261,7 +260,7 @@ impl Masks<'_> {
         let count = starts.len();
         self.buffers.starts.clear();
         self.buffers.starts.extend(starts);
-        self.sort_starts(is_near);
+        self.sort_starts(vertex.position, is_near);
         let Buffers { bands, starts, doubts, chains, .. } = &mut *self.buffers;
         let mut above = depth;
         for (i, (&id, &is_doubtful)) in starts.iter().zip(&*doubts).enumerate().take(count) {
@@ -276,14 +275,14 @@ impl Masks<'_> {
     }
 
     /// Puts the edges that start at a vertex in order, downwards, by insertion.
-    fn sort_starts(&mut self, is_near: bool) {
+    fn sort_starts(&mut self, vertex: DVec3, is_near: bool) {
         let Buffers { starts, doubts, .. } = &mut *self.buffers;
         doubts.clear();
         doubts.resize(starts.len(), is_near);
         for i in 1..starts.len() {
             for j in (1..=i).rev() {
                 // Positive if they are in order.
-                let order = self.edges.order(starts[j - 1], starts[j]);
+                let order = self.edges.order(starts[j - 1], starts[j], vertex);
                 if order.abs() < DOUBT {
                     doubts[j - 1] = true;
                     doubts[j] = true;

@@ -34,13 +34,11 @@ struct Crossing {
 /// A crossing that has been located.
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    /// Along the edge.
-    order: f64,
-    /// What `order` is known to.
+    /// Along the edge's chord, from 0 to 1, and what that is known to.
+    along: f64,
     error: f64,
-    point: DVec3,
-    /// Change of W; none at the horizon.
-    change: Option<i32>,
+    /// The other edge, and change of W; none at the horizon.
+    other: Option<Crossing>,
 }
 
 /// Where something visible begins or ends at the horizon.
@@ -189,37 +187,32 @@ impl Pieces {
         self.found.clear();
         each_crossing(bands, ending, |edge, _, change| self.found.push(Crossing { edge, change }));
         region.residuals.crossings += self.found.len() as u32;
-        self.locate(edges, edge, ends);
+        self.locate(edges, ends);
         if chain.starts_above_horizon != ending.ends_above_horizon {
             self.locate_horizon(ends);
         }
-        self.walk(edge, depth, (ends.0, chain.starts_above_horizon), end, chart, region)
+        self.walk(edges, edge, depth, (ends.0, chain.starts_above_horizon), end, chart, region)
     }
 
     /// Finds where an edge is crossed.
-    fn locate(&mut self, edges: &Edges, edge: &Edge, (start, end): (DVec3, DVec3)) {
+    fn locate(&mut self, edges: &Edges, ends: (DVec3, DVec3)) {
         self.places.clear();
-        for &Crossing { edge: other, change } in &self.found {
-            let other = &edges.edges[other as usize];
-            // On the one or the other, but for both the same point.
-            let (point, error) = if (edge.start, edge.end) < (other.start, other.end) {
-                meet((start, end), other.normal)
-            } else {
-                meet(edges.ends(other), edge.normal)
-            };
-            self.places.push(Place { order: point.dot(end - start), error, point, change: Some(change) });
-        }
+        self.places.extend(self.found.iter().map(|&other| {
+            let (along, error) = along(ends, edges.edges[other.edge as usize].normal);
+            Place { along, error, other: Some(other) }
+        }));
     }
 
-    fn locate_horizon(&mut self, (start, end): (DVec3, DVec3)) {
+    fn locate_horizon(&mut self, ends: (DVec3, DVec3)) {
         let Some(horizon) = self.horizon else { return };
-        let (point, error) = meet((start, end), horizon.normal);
-        self.places.push(Place { order: point.dot(end - start), error, point, change: None });
+        let (along, error) = along(ends, horizon.normal);
+        self.places.push(Place { along, error, other: None });
     }
 
     /// Follows an edge from its start over the crossings located.
     fn walk(
         &mut self,
+        edges: &Edges,
         edge: &Edge,
         mut depth: i32,
         (start, starts_above_horizon): (DVec3, bool),
@@ -228,11 +221,10 @@ impl Pieces {
         region: &mut Region,
     ) -> Result<(), Doubt> {
         let jump = edge.jump;
-        self.places.sort_unstable_by(|a, b| a.order.total_cmp(&b.order));
-        let length = (end - start).length();
+        self.places.sort_unstable_by(|a, b| a.along.total_cmp(&b.along));
         for pair in self.places.windows(2) {
             // An error that is not a number is one, too.
-            let is_certain = pair[1].order - pair[0].order > length * (pair[0].error + pair[1].error);
+            let is_certain = pair[1].along - pair[0].along > pair[0].error + pair[1].error;
             if !is_certain {
                 return Err(Doubt);
             }
@@ -243,30 +235,32 @@ impl Pieces {
             if is_inside && depth.min(depth + jump) < 0 {
                 return Err(Doubt);
             }
-            match place.change {
-                Some(change) => {
+            match place.other {
+                Some(Crossing { edge: other, change }) => {
                     depth += change;
                     if is_inside && side(depth, jump) != now {
-                        region.push(chart, edge, from, place.point, now);
-                        from = place.point;
+                        let point = crossing_point(edges, edge, &edges.edges[other as usize]);
+                        region.push(chart, edge, from, point, now);
+                        from = point;
                     }
                 }
                 None => {
+                    let point = point((start, end), place.along);
                     // Descending, the edge has what is below it before it along the horizon.
                     let (before, after) = if is_inside { (depth + jump, depth) } else { (depth, depth + jump) };
                     if before == 0 || after == 0 {
                         self.horizon_ends.push(HorizonEnd {
-                            azimuth: azimuth(place.point.x, place.point.y),
-                            error: place.error,
-                            point: place.point,
+                            azimuth: azimuth(point.x, point.y),
+                            error: place.error * (end - start).length(),
+                            point,
                             begins: after == 0,
                         });
                     }
                     if is_inside {
-                        region.push(chart, edge, from, place.point, now);
+                        region.push(chart, edge, from, point, now);
                         return Ok(());
                     }
-                    (is_inside, from) = (true, place.point);
+                    (is_inside, from) = (true, point);
                 }
             }
         }
@@ -319,10 +313,22 @@ impl Pieces {
     }
 }
 
-/// Where an arc meets a plane between its ends, and what that place is known to, in radians.
-fn meet((start, end): (DVec3, DVec3), normal: DVec3) -> (DVec3, f64) {
+/// Where along its chord, from 0 to 1, an arc meets a plane between its ends, and what that is known to.
+#[inline(always)]
+fn along((start, end): (DVec3, DVec3), normal: DVec3) -> (f64, f64) {
     let (a, b) = (normal.dot(start), normal.dot(end));
-    let along = (a / (a - b)).clamp(0.0, 1.0);
-    let step = end - start;
-    ((start + along * step).normalize(), DOUBT * step.length() / (a - b).abs())
+    ((a / (a - b)).clamp(0.0, 1.0), DOUBT / (a - b).abs())
+}
+
+/// The point of an arc above a place along its chord.
+fn point((start, end): (DVec3, DVec3), along: f64) -> DVec3 {
+    (start + along * (end - start)).normalize()
+}
+
+/// Where two edges cross: a point of the one or the other, but for both the same.
+fn crossing_point(edges: &Edges, one: &Edge, other: &Edge) -> DVec3 {
+    let is_first = (one.start, one.end) < (other.start, other.end);
+    let (edge, other) = if is_first { (one, other) } else { (other, one) };
+    let ends = edges.ends(edge);
+    point(ends, along(ends, other.normal).0)
 }

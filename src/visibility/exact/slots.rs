@@ -44,9 +44,12 @@ struct Block {
 struct Tally {
     /// Sum of the sizes of their jumps.
     size: i32,
-    /// The last one.
+    /// The last one found and the first.
     last: u32,
+    first: u32,
 }
+
+const NONE: Tally = Tally { size: 0, last: NIL, first: NIL };
 
 const EMPTY: Block = Block {
     taken: 0,
@@ -56,7 +59,7 @@ const EMPTY: Block = Block {
     sizes: [0; DIGITS],
     normals: [[f32::NAN; WORD]; 3],
     chains: [NIL; WORD],
-    tallies: [Tally { size: 0, last: NIL }; WORD],
+    tallies: [NONE; WORD],
 };
 
 /// A crossing of the edge in a slot with one that has ended.
@@ -227,6 +230,8 @@ pub(super) struct Slots {
     /// Which chains of block b lay above that in slot s of block a, at the last vertex of either: `[a * blocks + b][s]`.
     rows: Vec<[u64; WORD]>,
     crossed: Vec<Crossed>,
+    /// The first of those that are no longer needed.
+    spare: u32,
     crossing: Vec<Crossing>,
 }
 
@@ -236,6 +241,7 @@ impl Slots {
         self.used = 0;
         self.blocks.fill(EMPTY);
         self.crossed.clear();
+        self.spare = NIL;
     }
 
     /// Whether keeping order would be better.
@@ -301,7 +307,10 @@ impl Slots {
         }
         let block = &mut self.blocks[a];
         put(&mut block.continued, bit, is_continued);
-        block.tallies[bit] = Tally { size: 0, last: NIL };
+        let Tally { last, first, .. } = std::mem::replace(&mut block.tallies[bit], NONE);
+        if let Some(first) = self.crossed.get_mut(first as usize) {
+            first.next = std::mem::replace(&mut self.spare, last);
+        }
         let [nx, ny, nz] = &mut block.normals;
         (nx[bit], ny[bit], nz[bit]) = chain.normal.into();
     }
@@ -378,9 +387,19 @@ impl Slots {
                 rows[bit] ^= mine;
                 let tally = &mut block.tallies[bit];
                 tally.size += jump.abs();
-                let next = std::mem::replace(&mut tally.last, self.crossed.len() as u32);
                 let sign = 2 * (was_above >> bit & 1) as i32 - 1;
-                self.crossed.push(Crossed { edge, normal, change: sign * jump, next });
+                let crossed = Crossed { edge, normal, change: sign * jump, next: tally.last };
+                match self.crossed.get_mut(self.spare as usize) {
+                    Some(spare) => {
+                        tally.last = std::mem::replace(&mut self.spare, spare.next);
+                        *spare = crossed;
+                    }
+                    None => {
+                        tally.last = self.crossed.len() as u32;
+                        self.crossed.push(crossed);
+                    }
+                }
+                tally.first = if tally.first == NIL { tally.last } else { tally.first };
             }
             sum += block.sizes(slots);
             self.crossing.push(Crossing { block: b, slots, rises: was_above });

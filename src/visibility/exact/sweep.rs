@@ -55,7 +55,7 @@ impl Default for Status {
 /// Sweeps over the edges and writes the boundary of {W = 0} and the residuals; `depth_at_pole` is W at the pole. Returns
 /// a direction away from pole and edges, and W there as the sweep has it.
 pub(super) fn sweep(
-    edges: &mut Edges,
+    edges: &Edges,
     queue: &mut Queue,
     chart: &Chart,
     depth_at_pole: i32,
@@ -77,7 +77,7 @@ pub(super) fn sweep(
         horizon: edges.horizon,
         region,
     };
-    sweep.begin(&mut edges.at_seam, depth_at_pole);
+    sweep.begin(&edges.at_seam, depth_at_pole);
     let (check, depth) = sweep.widest_gap();
     let mut quarter = 1.0;
     for rank in 0..edges.vertices.len() {
@@ -88,7 +88,7 @@ pub(super) fn sweep(
         }
         sweep.cross_until(vertex.azimuth);
         sweep.now = vertex.azimuth;
-        sweep.vertex(&vertex, Edges::starts(sweep.vertices, sweep.edges, rank));
+        sweep.vertex(&vertex, edges.ends[rank], edges.starts(rank));
     }
     while quarter < TURN_END {
         sweep.break_horizon(quarter);
@@ -138,19 +138,20 @@ impl Sweep<'_> {
     }
 
     /// Puts the edges that cross the seam in order.
-    pub(super) fn begin(&mut self, at_seam: &mut [u32], depth_at_pole: i32) {
+    pub(super) fn begin(&mut self, at_seam: &[u32], depth_at_pole: i32) {
         let latitude = |id: u32| on_seam(self.edges[id as usize].normal).z;
+        let mut at_seam = at_seam.to_vec();
         at_seam.sort_by(|&a, &b| latitude(b).total_cmp(&latitude(a)).then(a.cmp(&b)));
         let top = self.status_mut(TOP);
         (top.above, top.next) = (depth_at_pole, NIL);
         let mut upper = TOP;
-        for &id in &*at_seam {
+        for &id in &at_seam {
             self.link(upper, id);
             self.status_mut(id).next = NIL;
             self.status_mut(id).above = self.below(upper);
             upper = id;
         }
-        for &id in &*at_seam {
+        for &id in &at_seam {
             self.refresh(id, on_seam(self.edge(id).normal));
             let upper = self.status(id).prev;
             self.expect_crossing(upper, id);

@@ -10,9 +10,9 @@ use super::sweep::Sweep;
 
 impl Sweep<'_> {
     /// Replaces the edges that end at a vertex by those that start there.
-    pub(super) fn vertex(&mut self, vertex: &Vertex, starts: Range<u32>) {
+    pub(super) fn vertex(&mut self, vertex: &Vertex, ends: u32, starts: Range<u32>) {
         let (position, is_below) = (vertex.position, vertex.height <= 0.0);
-        self.collect(vertex.ends, starts, is_below);
+        self.collect(ends, starts, is_below);
         let (mut upper, lower) = match (self.queue.ends.is_empty(), self.queue.starts.is_empty()) {
             (true, true) => return,
             (true, false) => self.locate(position, is_below),
