@@ -53,9 +53,7 @@ impl Sweep<'_> {
             self.choose_landmarks();
         }
         let landmarks = &self.queue.landmarks.edges;
-        let is_above = |id: u32| {
-            self.status(id).above < HORIZON_JUMP / 2 && self.edge(id).normal.dot(position) <= 0.0
-        };
+        let is_above = |id: u32| self.status(id).above < HORIZON_JUMP / 2 && self.edge(id).normal.dot(position) <= 0.0;
         let below = landmarks.partition_point(|&id| id == NIL || is_above(id));
         landmarks[..below].iter().rev().copied().find(|&id| id != NIL && is_above(id)).unwrap_or(TOP)
     }

@@ -1,9 +1,10 @@
 //! The sweep by masks: no order is kept, and only what may be visible is located.
 //!
 //! Events are the vertices alone, in order of azimuth. At a vertex all active edges are asked which of them pass above it;
-//! the sum of their jumps is W there. Two edges cross if one was above the other when the younger of them started, and is
-//! not when the first of them ends. What an edge's W can fall to follows from the edges that it crosses, wherever that
-//! is; where it cannot become zero nothing else is computed.
+//! the sum of their jumps is W there. For each two edges it is kept which was above at the last vertex of either; where that is
+//! another one at the next, they have crossed. How far W falls along an edge follows from W at its ends and the number of
+//! edges that cross it, wherever that is; where it cannot become zero nothing else is computed. Most edges start where one of
+//! the same jump has ended, and take over its place in all masks.
 //!
 //! All this is sound while every answer is certain: then the edges between the rounded vertices are in one real
 //! arrangement. Answers within rounding make the edges they concern doubtful, and where a doubtful edge may be visible the
@@ -119,10 +120,7 @@ impl Masks<'_> {
     /// Passes all vertices.
     fn vertices(&mut self) -> Result<(), Doubt> {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("popcnt")
-        {
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi1") && is_x86_feature_detected!("popcnt") {
             // SAFETY: the processor has these features.
             return unsafe { self.vertices_avx2() };
         }
@@ -207,11 +205,13 @@ impl Masks<'_> {
         // The bands that the vertex's edges come into.
         let (mut first, mut last) = (band, band);
         let mut balance = 0;
-        if ends.len() > 1 {
-            // Nothing depends on the order of the contours.
-            let place =
-                |id: &u32| (self.edges.edges[*id as usize].start, self.edges.edges[*id as usize].normal.x.to_bits());
-            ends.sort_unstable_by_key(place);
+        // Nothing depends on the order of the contours.
+        let place = |id: u32| (self.edges.edges[id as usize].start, self.edges.edges[id as usize].normal.x.to_bits());
+        match ends {
+            [] | [_] => {}
+            [one, other] if place(*one) <= place(*other) => {}
+            [one, other] => std::mem::swap(one, other),
+            _ => ends.sort_unstable_by_key(|&id| place(id)),
         }
         for end in &mut *ends {
             *end = chains[*end as usize];
@@ -235,9 +235,9 @@ impl Masks<'_> {
         for &id in &*ends {
             bands.chains[id as usize].is_doubtful |= is_near;
             // Those that end here too, above it.
-            let siblings = ends.iter().map(|&other| {
-                bands.chains[other as usize].jump * i32::from(bands.was_above(id, other, band))
-            });
+            let siblings = ends
+                .iter()
+                .map(|&other| bands.chains[other as usize].jump * i32::from(bands.was_above(id, other, band)));
             let depth_above = depth + siblings.sum::<i32>();
             let ending = Ending {
                 id,

@@ -3,10 +3,11 @@
 //! One receiver's life: contours -> vertices and edges in a chart, azimuth about a pole near the normal (`chart`, `edges`)
 //! -> one sweep through a full turn -> the arcs where W turns zero, and the horizon's where nothing hides it -> [`Region`].
 //!
-//! There are two sweeps. The fast one for many edges (`masks`) compares each vertex with the active edges near its latitude (`bands`,
-//! `slots`) and locates only what may be visible (`pieces`). It gives up where rounding leaves a choice about something
-//! visible; then the other one (`sweep`, `vertex`, `landmarks`, `crossings`, `boundary`) keeps the active edges in one
-//! order from the pole downwards, carries W along with them, and is right whatever coincides.
+//! There are two sweeps. The fast one for many edges (`masks`) compares each vertex with the active edges near its latitude
+//! (`latitudes`, `bands`, `slots`), in which runs of edges (`chains`) keep their places, and locates only what may be visible
+//! (`pieces`). It gives up where rounding leaves a choice about something visible; then the other one (`sweep`, `vertex`,
+//! `landmarks`, `crossings`, `boundary`) keeps the active edges in one order from the pole downwards, carries W along with
+//! them, and is right whatever coincides.
 
 mod bands;
 mod boundary;

@@ -146,7 +146,7 @@ impl Pieces {
         let chain = ending.chain;
         let is_hidden = match (chain.starts_above_horizon, ending.ends_above_horizon) {
             (false, false) => true,
-            (true, true) => {
+            (true, true) if !chain.is_doubtful => {
                 // What crosses it makes W rise or fall; the sum of both and the difference are known.
                 let falls = (ending.crossed - (ending.depth_above - chain.above)) / 2;
                 chain.above + chain.jump.min(0) > falls

@@ -457,3 +457,98 @@ impl Block {
         is_near
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::visibility::exact::tests::scenes::Random;
+
+    fn chain(random: &mut Random) -> Chain {
+        let jump = if random.number() < 0.5 { -2 } else { 1 };
+        let (normal, above) = (random.direction().as_vec3(), 0);
+        let flags = (true, false);
+        Chain {
+            edge: 0,
+            normal,
+            jump,
+            above,
+            starts_above_horizon: flags.0,
+            is_doubtful: flags.1,
+            first_band: 0,
+            last_band: 0,
+        }
+    }
+
+    /// Chains come, go on and go, over several blocks; what is kept of them is compared with what the normals say.
+    #[test]
+    fn masks_follow_the_normals() {
+        let mut random = Random(21);
+        let mut slots = Slots::default();
+        slots.reset();
+        let mut held: Vec<(usize, Chain)> = Vec::new();
+        let mut sides: Vec<Vec<bool>> = Vec::new();
+        for step in 0..900 {
+            let w = random.direction().as_vec3();
+            for block in &mut slots.blocks[..slots.used] {
+                let near = block.look(w);
+                let above = block.above;
+                assert_eq!((block.look_portable(w), block.above), (near, above));
+            }
+            let is_above = |slot: usize| slots.blocks[slot / WORD].above >> (slot % WORD) & 1 != 0;
+            let height = |chain: &Chain| chain.normal.x * w.x + chain.normal.y * w.y + chain.normal.z * w.z;
+            assert!(held.iter().all(|(slot, chain)| is_above(*slot) == (height(chain) < 0.0)));
+            let jumps = held.iter().filter(|(_, chain)| height(chain) < 0.0).map(|(_, chain)| chain.jump);
+            assert_eq!(slots.jumps_above(), jumps.sum::<i32>());
+
+            // The bookkeeping that masks save: whether each lay above each at the last vertex of either.
+            let above: Vec<bool> = held.iter().map(|(_, chain)| height(chain) < 0.0).collect();
+            let one = (random.number() * held.len() as f64) as usize;
+            if step % 3 > 0 && one < held.len() {
+                let (slot, old) = held[one];
+                slots.hide(slot);
+                slots.blocks.iter_mut().for_each(|block| _ = block.look(w));
+                let crossed = (0..held.len()).filter(|&other| other != one && sides[one][other] != above[other]);
+                let sum: i32 = crossed.map(|other| held[other].1.jump.abs()).sum();
+                let before = slots.blocks[slot / WORD].tallies[slot % WORD].size;
+                assert_eq!(slots.cross(slot, true, &old) - before, sum);
+                for other in (0..held.len()).filter(|&other| other != one) {
+                    sides[one][other] = above[other];
+                    sides[other][one] = !above[other];
+                }
+                if random.number() < held.len() as f64 / 300.0 {
+                    slots.remove(slot);
+                    held.remove(one);
+                    sides.remove(one);
+                    sides.iter_mut().for_each(|row| _ = row.remove(one));
+                } else {
+                    held[one].1 = chain(&mut random);
+                    slots.follow(slot, &held[one].1, false);
+                }
+            } else {
+                let new = chain(&mut random);
+                held.push((slots.insert(step, &new, false), new));
+                sides.iter_mut().zip(&above).for_each(|(row, above)| row.push(!above));
+                sides.push([above, vec![false]].concat());
+            }
+            for (a, row) in held.iter().zip(&sides) {
+                assert!(held.iter().zip(row).all(|(b, &side)| a.0 == b.0 || slots.was_above(a.0, b.0) == side));
+            }
+        }
+        assert!(held.len() > 2 * WORD, "{}", held.len());
+    }
+
+    #[test]
+    fn portable_and_dispatched_columns_agree() {
+        let mut random = Random(22);
+        let mut word = || (random.number() * u64::MAX as f64) as u64;
+        for bit in [0, 1, 31, 63] {
+            let mut rows = [0; WORD];
+            rows.iter_mut().for_each(|row| *row = word());
+            let (mut portable, mask) = (rows, word());
+            set_column(&mut rows, bit, mask);
+            set_column_inline(&mut portable, bit, mask);
+            assert_eq!(rows, portable);
+            assert!((0..WORD).all(|slot| rows[slot] >> bit & 1 == mask >> slot & 1));
+        }
+    }
+}
