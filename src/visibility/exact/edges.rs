@@ -1,5 +1,7 @@
 //! Contours in the chart: the vertices in order of azimuth, the edges between them as directed lines.
 
+use std::hint::select_unpredictable;
+
 use glam::DVec3;
 
 use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
@@ -157,8 +159,8 @@ impl Edges {
             let cosine = start.dot(end);
             // No branches: which way an arc runs is hard to predict.
             let sign = 2 * i32::from(is_forward) - 1;
-            let lengths = [first, second].map(|place| inverses[place as usize]);
-            let lengths = [lengths[usize::from(!is_forward)], lengths[usize::from(is_forward)]];
+            let [from, to] = [first, second].map(|place| inverses[place as usize]);
+            let lengths = select_unpredictable(is_forward, [from, to], [to, from]);
             let normal = f64::from(sign) * chart.local(normal(contours, arc, lengths, cosine));
             let jump = sign * arc.jump;
             if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {

@@ -1,5 +1,7 @@
 //! Chains that come into one band of latitude side by side, for vector instructions; which of them lie above which.
 
+use std::hint::select_unpredictable;
+
 use glam::{DVec3, Vec3};
 
 use super::chains::Chain;
@@ -399,7 +401,7 @@ impl Slots {
                         self.crossed.push(crossed);
                     }
                 }
-                tally.first = if tally.first == NIL { tally.last } else { tally.first };
+                tally.first = select_unpredictable(tally.first == NIL, tally.last, tally.first);
             }
             sum += block.sizes(slots);
             self.crossing.push(Crossing { block: b, slots, rises: was_above });
