@@ -15,12 +15,12 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::bands::Bands;
+use super::block::{DOUBT, MOST_JUMP};
 use super::chains::Chain;
 use super::chart::Chart;
 use super::edges::{Edge, Edges, NIL, Vertex, on_seam};
 use super::pieces::{Ending, Pieces};
 use super::region::Region;
-use super::slots::{DOUBT, MOST_JUMP};
 
 /// The sweep is not certain of its answer.
 pub(super) struct Doubt;

@@ -3,12 +3,12 @@
 use glam::{DVec3, Vec3};
 
 use super::bands::Bands;
+use super::block::{DOUBT, NEAR};
 use super::chains::Chain;
 use super::chart::{Chart, TURN_END, azimuth};
 use super::edges::{Edge, Edges, on_line};
 use super::masks::Doubt;
 use super::region::Region;
-use super::slots::{DOUBT, NEAR};
 
 /// The end of a chain's edge.
 pub(super) struct Ending<'a> {
