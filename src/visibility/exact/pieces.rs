@@ -68,7 +68,7 @@ fn side(above: i32, jump: i32) -> i8 {
 }
 
 /// Parts of an edge, in each of which W is taken to fall before it rises: as low as it may come.
-const PARTS: usize = 32;
+const PARTS: usize = 31;
 const ROOM: usize = 2 * (PARTS + 1).next_power_of_two();
 
 /// How W may fall along an edge, wherever within their errors its crossings are.
@@ -92,7 +92,7 @@ impl Worst {
         let parts = PARTS as f32 / (a - b);
         // No branches: whether W falls or rises is hard to predict.
         let (rises, falls) = ((change >= 0) as usize, (change < 0) as u32);
-        let error = 2.0 * NEAR * parts.abs();
+        let error = 3.0 * NEAR * parts.abs();
         // What is not a number falls first and rises last: its error is infinite.
         let at = if a == 0.0 { 0.0 } else { a * parts };
         let at = at - 0.5 + f32::from_bits(error.to_bits() ^ falls << 31);

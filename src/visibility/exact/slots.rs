@@ -57,7 +57,7 @@ impl Slots {
 
     /// Whether keeping order would be better.
     pub fn is_crowded(&self) -> bool {
-        self.blocks.len() > MOST_BLOCKS
+        self.used > MOST_BLOCKS
     }
 
     /// The chains in all slots taken.
@@ -280,7 +280,7 @@ mod tests {
         slots.reset();
         let mut held: Vec<(usize, Chain)> = Vec::new();
         let mut sides: Vec<Vec<bool>> = Vec::new();
-        for step in 0..900 {
+        for step in 0..1500 {
             let w = random.direction().as_vec3();
             for block in &mut slots.blocks[..slots.used] {
                 let near = block.look(w);
@@ -314,7 +314,7 @@ mod tests {
                     sides.remove(one);
                     sides.iter_mut().for_each(|row| _ = row.remove(one));
                 } else {
-                    held[one].1 = chain(&mut random);
+                    held[one].1 = Chain { jump: old.jump, ..chain(&mut random) };
                     slots.follow(slot, &held[one].1, false);
                 }
             } else {
