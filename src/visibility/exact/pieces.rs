@@ -191,7 +191,7 @@ impl Pieces {
         if chain.starts_above_horizon != ending.ends_above_horizon {
             self.locate_horizon(ends);
         }
-        self.walk(edges, edge, depth, (ends.0, chain.starts_above_horizon), end, chart, region)
+        self.walk(edges, ending, depth, chart, region)
     }
 
     /// Finds where an edge is crossed.
@@ -209,18 +209,17 @@ impl Pieces {
         self.places.push(Place { along, error, other: None });
     }
 
-    /// Follows an edge from its start over the crossings located.
+    /// Follows an edge from its start, where W just above is `depth`, over the crossings located.
     fn walk(
         &mut self,
         edges: &Edges,
-        edge: &Edge,
+        ending: &Ending,
         mut depth: i32,
-        (start, starts_above_horizon): (DVec3, bool),
-        end: DVec3,
         chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
-        let jump = edge.jump;
+        let edge = &edges.edges[ending.chain.edge as usize];
+        let (start, end, jump) = (edges.start(edge), ending.end, edge.jump);
         self.places.sort_unstable_by(|a, b| a.along.total_cmp(&b.along));
         for pair in self.places.windows(2) {
             // An error that is not a number is one, too.
@@ -229,7 +228,7 @@ impl Pieces {
                 return Err(Doubt);
             }
         }
-        let (mut from, mut is_inside) = (start, starts_above_horizon);
+        let (mut from, mut is_inside) = (start, ending.chain.starts_above_horizon);
         for place in &self.places {
             let now = side(depth, jump);
             if is_inside && depth.min(depth + jump) < 0 {
