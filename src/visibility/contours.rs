@@ -54,7 +54,11 @@ impl ReceiverContours {
         self.arcs.clear();
         self.places.clear();
         self.places.resize(candidates.vertices().len(), UNSEEN);
-        self.measure(candidates, position, normal);
+        self.all_heights.clear();
+        self.all_heights.resize(candidates.vertices().len(), 1.0);
+        if let Some(normal) = normal {
+            measure(candidates.coordinates(), position, normal, &mut self.all_heights);
+        }
         for contour in contours.edges() {
             let edge = &candidates.edges()[contour.edge as usize];
             let heights = [edge.a, edge.b].map(|vertex| self.all_heights[vertex as usize]);
@@ -79,19 +83,16 @@ impl ReceiverContours {
         }
         *place
     }
+}
 
-    /// Finds the heights of all vertices.
-    fn measure(&mut self, candidates: &dual_bvh::Candidates, position: DVec3, normal: Option<DVec3>) {
-        self.all_heights.clear();
-        self.all_heights.resize(candidates.vertices().len(), 1.0);
-        let Some(normal) = normal else { return };
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has the feature.
-            return unsafe { measure_avx2(candidates.coordinates(), position, normal, &mut self.all_heights) };
-        }
-        measure_inline(candidates.coordinates(), position, normal, &mut self.all_heights);
+/// Heights of positions, given by component, above the horizon of a receiver.
+fn measure(coordinates: [&[f32]; 3], position: DVec3, normal: DVec3, heights: &mut [f64]) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the feature.
+        return unsafe { measure_avx2(coordinates, position, normal, heights) };
     }
+    measure_inline(coordinates, position, normal, heights);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -105,5 +106,24 @@ fn measure_inline(coordinates: [&[f32]; 3], position: DVec3, normal: DVec3, heig
     let [x, y, z] = coordinates;
     for (((height, &x), &y), &z) in heights.iter_mut().zip(x).zip(y).zip(z) {
         *height = normal.dot(DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - position);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn portable_and_dispatched_heights_agree_to_the_bit() {
+        let number = |i: usize| ((i * 7919 % 1009) as f32 - 504.0) / 37.0;
+        let coordinates = [0, 1, 2].map(|axis| (0..103).map(|i| number(3 * i + axis)).collect::<Vec<f32>>());
+        let coordinates = coordinates.each_ref().map(Vec::as_slice);
+        let (position, normal) = (DVec3::new(0.1, -2.3, 4.5), DVec3::new(3.0, -1.0, 2.0).normalize());
+        let (mut dispatched, mut portable) = (vec![0.0; 103], vec![0.0; 103]);
+        measure(coordinates, position, normal, &mut dispatched);
+        measure_inline(coordinates, position, normal, &mut portable);
+        assert_eq!(dispatched, portable);
+        let [x, y, z] = coordinates.map(|axis| f64::from(axis[102]));
+        assert_eq!(dispatched[102], normal.dot(DVec3::new(x, y, z) - position));
     }
 }
