@@ -1,5 +1,6 @@
 //! The isolines of an equal-area chart, for what needs no table of light.
 
+mod blocks;
 mod crossings;
 mod sweep;
 mod vertices;
