@@ -93,6 +93,7 @@ pub(super) fn run<B: Baker>(
 ) -> Result<Outcome> {
     let mut rows = Rows::new(layout, receivers.len(), resume)?;
     let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !rows.done[i as usize]).collect();
+    let finished_before = (receivers.len() - todo.len()) as u64;
     let positions: Vec<_> = todo.iter().map(|&i| receivers.positions[i as usize]).collect();
     let diagonal = geometry.bounds().map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
     let mut tiles = tiles(&positions, TILE_RADIUS * diagonal);
@@ -130,6 +131,7 @@ pub(super) fn run<B: Baker>(
         }
     }
     let skipped = [
+        ("finished_before", finished_before),
         ("open_receivers", counts.open),
         ("enclosed_receivers", counts.enclosed),
         ("shared_searches", counts.shared_searches),
