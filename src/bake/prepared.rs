@@ -43,6 +43,11 @@ impl<'a> Prepared<'a> {
         Self { skips, ..self }
     }
 
+    /// As [`Prepared::with_skips`], for the runs to come.
+    pub fn set_skips(&mut self, skips: Skips) {
+        self.skips = skips;
+    }
+
     pub(super) fn skips(&self) -> Skips {
         self.skips
     }
