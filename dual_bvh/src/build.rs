@@ -7,7 +7,6 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::curve::Curve;
 use crate::dual::{Dual, face_units};
 use crate::edge::Edges;
 use crate::node::{Bounds, FAN, Leaf, Node, Tree, WIDTH};
@@ -70,8 +69,7 @@ impl DualBvh {
         let pairs = tree(&dual, 0, balanced, true);
         let rest = tree(&dual, balanced as u32, unbalanced, false);
         drop(dual);
-        let curve = Curve::new(&positions);
-        Ok(DualBvh { positions, triangles, edges, balanced: pairs, unbalanced: rest, curve })
+        Ok(DualBvh { positions, triangles, edges, balanced: pairs, unbalanced: rest })
     }
 }
 

@@ -1,13 +1,10 @@
-use std::ops::Range;
+use glam::DVec3;
 
-use glam::{DVec3, Vec3};
-
-use crate::blocks::Blocks;
 use crate::contours::{Contour, Contours};
 use crate::face::{plane_value, sign};
 use crate::numbering::Numbering;
 use crate::search::Scratch;
-use crate::{DualBvh, Incidence, Selection};
+use crate::{DualBvh, Incidence};
 
 /// An edge that may be a contour for some receiver of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,24 +46,11 @@ pub struct Candidates {
     pub(crate) nodes_tested: u64,
     pub(crate) edges_tested: u64,
     pub(crate) scratch: Scratch,
-    blocks: Blocks,
-    has_blocks: bool,
 }
 
 impl Candidates {
-    /// The candidates in blocks that lie side by side, made when they are first asked for after a search.
-    pub fn blocks(&mut self) -> &Blocks {
-        if !self.has_blocks {
-            let mut blocks = std::mem::take(&mut self.blocks);
-            blocks.fill(self);
-            (self.blocks, self.has_blocks) = (blocks, true);
-        }
-        &self.blocks
-    }
-
     /// Forgets everything and makes room for the numbers of another tree.
     pub(crate) fn clear(&mut self, bvh: &DualBvh) {
-        self.has_blocks = false;
         self.vertices.clear(bvh.positions.len());
         self.faces.clear(bvh.triangles.len());
     }
@@ -76,18 +60,12 @@ impl Candidates {
         self.vertices.globals()
     }
 
-    /// Position of a vertex by its local number, as loaded.
-    #[inline(always)]
-    pub(crate) fn corner(&self, vertex: u32) -> Vec3 {
-        let [x, y, z] = &self.positions;
-        let vertex = vertex as usize;
-        Vec3::new(x[vertex], y[vertex], z[vertex])
-    }
-
     /// Position of a vertex by its local number.
     #[inline(always)]
     pub fn position(&self, vertex: u32) -> DVec3 {
-        self.corner(vertex).as_dvec3()
+        let [x, y, z] = &self.positions;
+        let vertex = vertex as usize;
+        DVec3::new(f64::from(x[vertex]), f64::from(y[vertex]), f64::from(z[vertex]))
     }
 
     /// Positions of all vertices, by component.
@@ -147,38 +125,25 @@ impl Candidates {
     /// The excluded faces must be among those the tile was given ([`crate::Tile::with_faces`]); otherwise the edges by which they
     /// hang together with the rest may be missing.
     pub fn contours(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        let part = Part { edges: &[0..self.edges().len()], faces: &[0..self.faces().len()] };
-        self.contours_of(part, receiver, excluded, out);
-    }
-
-    /// As [`Candidates::contours`], among a part of the candidates. The signs of other faces are then not known.
-    pub fn selected_contours(&self, part: &Selection, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        let part = Part { edges: &part.edges, faces: &part.faces };
-        self.contours_of(part, receiver, excluded, out);
-    }
-
-    fn contours_of(&self, part: Part, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.contours_avx2(part, receiver, excluded, out) };
+            return unsafe { self.contours_avx2(receiver, excluded, out) };
         }
-        self.contours_inline(part, receiver, excluded, out);
+        self.contours_inline(receiver, excluded, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn contours_avx2(&self, part: Part, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_inline(part, receiver, excluded, out);
+    fn contours_avx2(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+        self.contours_inline(receiver, excluded, out);
     }
 
     #[inline(always)]
-    pub(crate) fn contours_inline(&self, part: Part, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+    pub(crate) fn contours_inline(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         out.room(self.faces().len(), self.edges().len());
         let signs = &mut out.signs[..self.faces().len()];
-        for faces in part.faces {
-            self.signs(receiver, faces.clone(), &mut signs[faces.clone()]);
-        }
+        self.signs(receiver, signs);
         for &face in excluded {
             if let Some(local) = self.local_face(face) {
                 signs[local as usize] = 0;
@@ -194,47 +159,32 @@ impl Candidates {
         };
         let (regular, rest) = self.incidences().split_at(2 * self.regular);
         let border = &rest[..self.border];
+        for (edge, uses) in regular.chunks_exact(2).enumerate() {
+            put(edge, i32::from(signs[uses[0].face() as usize]) - i32::from(signs[uses[1].face() as usize]));
+        }
         let jump = |use_: &Incidence| i32::from(use_.orientation()) * i32::from(signs[use_.face() as usize]);
-        for edges in part.edges {
-            let [regulars, borders, others] = self.by_kind(edges);
-            for (edge, uses) in regulars.clone().zip(regular[2 * regulars.start..2 * regulars.end].chunks_exact(2)) {
-                put(edge, i32::from(signs[uses[0].face() as usize]) - i32::from(signs[uses[1].face() as usize]));
-            }
-            for (edge, use_) in borders.clone().zip(&border[borders.start - self.regular..borders.end - self.regular]) {
-                put(edge, jump(use_));
-            }
-            for (edge, candidate) in others.clone().zip(&self.edges()[others]) {
-                put(edge, self.faces_of(candidate).iter().map(jump).sum());
-            }
+        for (i, use_) in border.iter().enumerate() {
+            put(self.regular + i, jump(use_));
+        }
+        for (edge, candidate) in self.edges().iter().enumerate().skip(self.regular + self.border) {
+            put(edge, self.faces_of(candidate).iter().map(jump).sum());
         }
         out.count = count;
     }
 
-    /// A run of candidates in three: with two faces that run in opposite directions, with one, and the others.
+    /// The sides of all faces on which the receiver lies.
     #[inline(always)]
-    fn by_kind(&self, edges: &Range<usize>) -> [Range<usize>; 3] {
-        let (first, second) = (self.regular, self.regular + self.border);
-        let part = |start: usize, end: usize| edges.start.clamp(start, end)..edges.end.clamp(start, end);
-        [part(0, first), part(first, second), part(second, self.edge_count)]
-    }
-
-    /// The sides of a run of faces on which the receiver lies.
-    #[inline(always)]
-    fn signs(&self, p: DVec3, faces: Range<usize>, signs: &mut [i8]) {
-        let [nx, ny, nz] = self.normals.each_ref().map(|lanes| &lanes[faces.clone()]);
-        let [ax, ay, az] = self.anchors.each_ref().map(|lanes| &lanes[faces.clone()]);
-        for i in 0..signs.len() {
+    fn signs(&self, p: DVec3, signs: &mut [i8]) {
+        let count = signs.len();
+        let [nx, ny, nz] = &self.normals;
+        let [ax, ay, az] = &self.anchors;
+        let (nx, ny, nz) = (&nx[..count], &ny[..count], &nz[..count]);
+        let (ax, ay, az) = (&ax[..count], &ay[..count], &az[..count]);
+        for i in 0..count {
             let anchor = DVec3::new(f64::from(ax[i]), f64::from(ay[i]), f64::from(az[i]));
             signs[i] = sign(plane_value(DVec3::new(nx[i], ny[i], nz[i]), anchor, p));
         }
     }
-}
-
-/// Which candidates and faces to look at, in runs.
-#[derive(Clone, Copy)]
-pub(crate) struct Part<'a> {
-    pub(crate) edges: &'a [Range<usize>],
-    pub(crate) faces: &'a [Range<usize>],
 }
 
 /// Makes a buffer at least `len` long. What lies beyond the present length is garbage of earlier searches.

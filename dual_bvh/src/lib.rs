@@ -46,14 +46,12 @@
 //! which makes them tighter and free of cancellation; each node tests eight in single precision, with bounds on all rounding; and
 //! a ball of neighbouring receivers, a [`Tile`], shares one search.
 
-mod blocks;
 mod brute;
 mod build;
 mod candidates;
 mod check;
 mod collect;
 mod contours;
-mod curve;
 mod dual;
 mod edge;
 mod error;
@@ -70,7 +68,6 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-pub use crate::blocks::{Blocks, Selection};
 pub use crate::brute::brute_force;
 pub use crate::build::BuildOptions;
 pub use crate::candidates::{CandidateEdge, Candidates};
@@ -93,8 +90,6 @@ pub struct DualBvh {
     balanced: node::Tree,
     /// Edges with an odd number of faces: contours for every receiver.
     unbalanced: node::Tree,
-    /// Through the positions.
-    curve: curve::Curve,
 }
 
 impl DualBvh {

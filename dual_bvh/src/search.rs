@@ -14,9 +14,6 @@ use crate::{DualBvh, Tile};
 /// How many nodes ahead memory is asked for.
 const NODES_AHEAD: usize = 3;
 
-/// Hits beyond which receivers may want to look at a part of them only.
-const MANY: usize = 2048;
-
 /// Working memory of a search.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scratch {
@@ -30,8 +27,6 @@ pub(crate) struct Scratch {
     pub(crate) border: Vec<([u32; 2], Incidence)>,
     /// The other found edges.
     pub(crate) other: Vec<u32>,
-    /// Cells along the curve and hits.
-    keys: Vec<u64>,
     /// One bit an edge: set for edges of excluded faces, which are found without the tree.
     excluded: Vec<u8>,
 }
@@ -103,9 +98,6 @@ impl DualBvh {
         let [nodes, edges] = self.balanced_hits(&query, &mut scratch);
         let unbalanced = self.unbalanced_hits(&query, &mut scratch);
         (out.nodes_tested, out.edges_tested) = (nodes + unbalanced, edges);
-        if tile.radius > 0.0 && scratch.hits.len() > MANY {
-            self.sort_in_space(&mut scratch);
-        }
         self.collect(tile, &mut scratch, out);
         scratch.readmit(self, tile);
         out.scratch = scratch;
@@ -163,26 +155,6 @@ impl DualBvh {
         })
     }
 
-    /// Puts the hits in the order of a space-filling curve: the tree's neighbours in the dual space may be far apart.
-    #[inline(always)]
-    fn sort_in_space(&self, Scratch { hits, keys, .. }: &mut Scratch) {
-        keys.clear();
-        keys.extend(ahead(hits, AHEAD, |&edge| prefetch(&self.edges.records[edge as usize])).map(|&edge| {
-            let [a, _] = self.edges.records[edge as usize].vertices();
-            u64::from(a) << 32 | u64::from(edge)
-        }));
-        for i in 0..keys.len() {
-            if let Some(&key) = keys.get(i + AHEAD) {
-                prefetch(&self.positions[(key >> 32) as usize]);
-            }
-            let cell = self.curve.cell(self.positions[(keys[i] >> 32) as usize]);
-            keys[i] = u64::from(cell) << 32 | keys[i] & u64::from(u32::MAX);
-        }
-        keys.sort_unstable();
-        hits.clear();
-        hits.extend(keys.iter().map(|&key| key as u32));
-    }
-
     fn edges_of(&self, faces: &[u32]) -> impl Iterator<Item = u32> {
         faces.iter().filter_map(|&face| self.edges.of_faces.get(face as usize)).flatten().copied()
     }
@@ -238,7 +210,6 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::candidates::Part;
     use crate::{BuildOptions, Contours};
 
     #[test]
@@ -269,8 +240,7 @@ mod tests {
             assert_eq!(candidates.faces(), portable.faces());
             assert_eq!(candidates.nodes_tested(), portable.nodes_tested());
             candidates.contours(p, &[3, 4], &mut contours);
-            let part = Part { edges: &[0..portable.edges().len()], faces: &[0..portable.faces().len()] };
-            portable.contours_inline(part, p, &[3, 4], &mut portable_contours);
+            portable.contours_inline(p, &[3, 4], &mut portable_contours);
             assert_eq!(contours.signs(), portable_contours.signs());
             assert_eq!(contours.edges(), portable_contours.edges());
         }

@@ -59,8 +59,6 @@ pub(super) struct Counts {
     pub(super) below_horizon: u64,
     /// Contours between two isolines.
     pub(super) between_isolines: u64,
-    /// Candidate edges not looked at, since they lie with others between two isolines or below the horizon.
-    pub(super) edges_aside: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -73,7 +71,6 @@ impl std::ops::AddAssign for Counts {
         self.shared_searches += other.shared_searches;
         self.below_horizon += other.below_horizon;
         self.between_isolines += other.between_isolines;
-        self.edges_aside += other.edges_aside;
     }
 }
 
@@ -130,7 +127,6 @@ pub(super) fn run<B: Baker>(
         ("shared_searches", counts.shared_searches),
         ("contours_below_horizon", counts.below_horizon),
         ("contours_between_isolines", counts.between_isolines),
-        ("edges_between_isolines", counts.edges_aside),
     ];
     let statistics = Statistics {
         receivers: solved,

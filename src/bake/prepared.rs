@@ -38,12 +38,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Leaves out only this work; the results are the same, bit for bit.
-    pub fn with_skips(self, skips: Skips) -> Self {
-        Self { skips, ..self }
-    }
-
-    /// As [`Prepared::with_skips`], for the runs to come.
+    /// Leaves out only this work in the runs to come; the results are the same, bit for bit.
     pub fn set_skips(&mut self, skips: Skips) {
         self.skips = skips;
     }

@@ -23,7 +23,7 @@ pub struct Statistics {
     pub integrate_seconds: f64,
     /// Seconds of processor time of that, all threads together; the whole process's.
     pub processor_seconds: f64,
-    /// Mean number of contour edges above a receiver's horizon, of those that were looked at.
+    /// Mean number of contour edges a receiver sees.
     pub contours_per_receiver: f64,
     /// Receivers that raised an alarm: the depth complexity's bookkeeping, or another identity, failed there. All of them
     /// were solved again; see `fallbacks`.

@@ -7,7 +7,7 @@ pub const TILE_RECEIVERS: usize = 64;
 
 /// Largest radius of a tile, as a fraction of the scene's diagonal: beyond it the edges that are contours for some
 /// receivers of the tile only outnumber what sharing the search saves.
-pub const TILE_RADIUS: f64 = 0.02;
+pub const TILE_RADIUS: f64 = 0.01;
 
 /// Groups neighbouring receivers, as indices: along a Morton curve over their bounds, cut after [`TILE_RECEIVERS`] or
 /// when a group outgrows `radius` (of the box around it). Depends on the positions alone.

@@ -53,7 +53,14 @@ pub fn race(
     let pools = pools.collect::<std::result::Result<Vec<_>, _>>();
     let pools =
         pools.map_err(|error| Error::input(format!("the threads cannot be started ({error}); ask for fewer")))?;
-    let mut race = Race { machine: Machine::here(), command_line, settings, rows: Vec::new(), gains: Vec::new(), notes: Vec::new() };
+    let mut race = Race {
+        machine: Machine::here(),
+        command_line,
+        settings,
+        rows: Vec::new(),
+        gains: Vec::new(),
+        notes: Vec::new(),
+    };
     control.begin("racing", EVENT_STEPS * (tracks.len() * quantities.len()) as u64);
     for track in tracks {
         let track = track?;
@@ -316,8 +323,13 @@ impl Race {
         for Gain { scene, skip, with, without, same_bits } in &self.gains {
             let (times, ratio) = ([with, without].map(|time| significant(1e6 * time)), without / with);
             let same = if *same_bits { "yes" } else { "**no**" };
-            let _ =
-                writeln!(text, "| {scene} | {} | {} | {} | {ratio:.2} | {same} |", skip.replace('_', " "), times[0], times[1]);
+            let _ = writeln!(
+                text,
+                "| {scene} | {} | {} | {} | {ratio:.2} | {same} |",
+                skip.replace('_', " "),
+                times[0],
+                times[1]
+            );
         }
     }
 

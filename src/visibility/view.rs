@@ -1,4 +1,4 @@
-use dual_bvh::{Candidates, Contours, DualBvh, Selection, Tile};
+use dual_bvh::{Candidates, Contours, DualBvh, Tile};
 use glam::DVec3;
 
 use super::crossings::Crossings;
@@ -29,15 +29,12 @@ pub struct Viewer<'a> {
     pub faces: &'a FaceTree,
 }
 
-/// Candidates beyond which it takes less time to look at blocks of them first.
-const MANY: usize = 2048;
-
 /// How much of its hemisphere (or sphere) a receiver sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
-    /// Everything: no isoline crosses a contour above the horizon, and nothing is overhead.
+    /// Everything: no contour above the horizon and nothing overhead.
     Open,
-    /// Nothing: no isoline crosses a contour above the horizon, but something is overhead.
+    /// Nothing: no contour above the horizon, but something overhead.
     Enclosed,
     /// Part of it: the intervals that were reported.
     Part(Sweep),
@@ -48,7 +45,6 @@ pub enum Sight {
 pub struct View {
     excluded: Vec<u32>,
     candidates: Candidates,
-    part: Selection,
     contours: Contours,
     projected: ReceiverContours,
     crossings: Crossings,
@@ -88,14 +84,23 @@ impl Viewer<'_> {
         self.edges.search(&tile, &mut view.candidates);
     }
 
-    /// Finds and projects the contours of a receiver among those approached: it may then [`follow`](Self::follow) or
-    /// [`solve`](Self::solve).
-    pub fn face(&self, Receiver { position, normal, excluded }: Receiver, view: &mut View) {
-        view.candidates.contours(position, excluded, &mut view.contours);
+    /// Finds the contours of a receiver among those approached: the first step of every way to see.
+    pub fn find(&self, receiver: Receiver, view: &mut View) {
+        view.candidates.contours(receiver.position, receiver.excluded, &mut view.contours);
+    }
+
+    /// Projects the contours just found.
+    pub fn project(&self, Receiver { position, normal, .. }: Receiver, view: &mut View) {
         view.projected.project(&view.candidates, &view.contours, position, normal);
     }
 
-    /// What a receiver among those approached sees along the meridians: the [`View::spans`], if it sees a part.
+    /// Finds and projects the contours of a receiver, which may then [`follow`](Self::follow) or [`solve`](Self::solve).
+    pub fn face(&self, receiver: Receiver, view: &mut View) {
+        self.find(receiver, view);
+        self.project(receiver, view);
+    }
+
+    /// What the receiver whose contours were just found sees along the meridians: the [`View::spans`], if it sees a part.
     pub fn trace(
         &self,
         meridians: &Meridians,
@@ -105,18 +110,11 @@ impl Viewer<'_> {
         view: &mut View,
     ) -> Sight {
         let Receiver { position, normal, excluded } = receiver;
-        let View { candidates, part, contours, meridian_crossings: crossings, spans, .. } = view;
+        let View { candidates, contours, meridian_crossings: crossings, spans, .. } = view;
         let outlook = Outlook { meridians, frame, position, normal };
-        if skips.between_isolines && candidates.edges().len() > MANY {
-            crossings.select(outlook, candidates, part);
-        } else {
-            part.all(candidates);
-        }
-        candidates.selected_contours(part, position, excluded, contours);
-        crossings.choose(outlook, candidates, part, contours, !skips.between_isolines);
+        crossings.choose(outlook, candidates, contours, !skips.between_isolines);
         let depth = count_at_start(self.faces, meridians, frame, position, excluded);
-        let Counts { above, between, .. } = crossings.counts();
-        let sight = match (above - between, depth) {
+        let sight = match (crossings.counts().above, depth) {
             (0, 0) => Some((Sight::Open, skips.open_receivers)),
             (0, _) => Some((Sight::Enclosed, skips.enclosed_receivers)),
             _ => None,
@@ -248,9 +246,9 @@ mod tests {
         let Receiver { position, normal, .. } = receiver;
         let outlook = Outlook { meridians, frame, position, normal };
         let (mut one, mut other) = (meridians::Crossings::default(), meridians::Crossings::default());
-        one.choose(outlook, &view.candidates, &view.part, &view.contours, false);
+        one.choose(outlook, &view.candidates, &view.contours, false);
         one.cross(outlook, &view.candidates);
-        other.choose_inline(outlook, &view.candidates, &view.part, &view.contours, false);
+        other.choose_inline(outlook, &view.candidates, &view.contours, false);
         other.cross_inline(outlook, &view.candidates);
         assert!((0..meridians.len()).all(|line| one.along(line) == other.along(line)));
         assert_eq!(one.counts(), other.counts());
@@ -259,10 +257,11 @@ mod tests {
     /// Compares the spans with counted rays at points of every meridian.
     fn spans_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
         let meridians = Meridians::new(14).unwrap();
+        viewer.find(receiver, view);
         for second in [false, true] {
             let frame = MeridianFrame::facing(receiver.normal, second);
-            let sight = viewer.trace(&meridians, frame, receiver, Skips::default(), view);
             portable_crossings_are_the_same(&meridians, frame, receiver, view);
+            let sight = viewer.trace(&meridians, frame, receiver, Skips::default(), view);
             if let Sight::Part(sweep) = sight {
                 assert_eq!(sweep.depth_alarms, 0);
             }

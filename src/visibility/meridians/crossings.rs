@@ -1,9 +1,8 @@
 use std::ops::Range;
 
-use dual_bvh::{Candidates, Contours, Selection};
+use dual_bvh::{Candidates, Contours};
 use glam::DVec3;
 
-use super::blocks::near_isolines;
 use super::vertices::{BELOW, fill};
 use super::{MeridianFrame, Meridians};
 use crate::visibility::contours::arc_plane;
@@ -72,8 +71,6 @@ struct Piece {
 /// All crossings of one receiver's contours with the isolines, sorted along each.
 #[derive(Clone, Debug, Default)]
 pub(in crate::visibility) struct Crossings {
-    /// Which blocks of candidates may cross isolines.
-    wanted: Vec<i32>,
     /// Of the candidates' vertices.
     places: Vec<i32>,
     chords: Vec<Chord>,
@@ -94,8 +91,6 @@ pub struct Counts {
     pub below: usize,
     /// Of those above, the ones that lie between two isolines.
     pub between: usize,
-    /// Edges that were not looked at: they lie with others between two isolines, or below the horizon.
-    pub aside: usize,
 }
 
 /// Bound of the tangents: cosines of 1e-9, whose squares are lost beside 1.
@@ -133,47 +128,26 @@ pub(in crate::visibility) struct Outlook<'a> {
 }
 
 impl Crossings {
-    /// Selects the candidates that may cross isolines above the horizon.
-    pub(in crate::visibility) fn select(
-        &mut self,
-        outlook: Outlook,
-        candidates: &mut Candidates,
-        part: &mut Selection,
-    ) {
-        let blocks = candidates.blocks();
-        near_isolines(&mut self.wanted, blocks, outlook);
-        blocks.select(&self.wanted, part);
-    }
-
-    /// Places the contours found in a part of the candidates between the isolines and keeps those that cross some; with
-    /// `between`, the others too.
+    /// Places the contours between the isolines and keeps those that cross some; with `between`, the others too.
     pub(in crate::visibility) fn choose(
         &mut self,
         outlook: Outlook,
         candidates: &Candidates,
-        part: &Selection,
         contours: &Contours,
         between: bool,
     ) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.choose_avx2(outlook, candidates, part, contours, between) };
+            return unsafe { self.choose_avx2(outlook, candidates, contours, between) };
         }
-        self.choose_inline(outlook, candidates, part, contours, between);
+        self.choose_inline(outlook, candidates, contours, between);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn choose_avx2(
-        &mut self,
-        outlook: Outlook,
-        candidates: &Candidates,
-        part: &Selection,
-        contours: &Contours,
-        between: bool,
-    ) {
-        self.choose_inline(outlook, candidates, part, contours, between);
+    fn choose_avx2(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours, between: bool) {
+        self.choose_inline(outlook, candidates, contours, between);
     }
 
     #[inline(always)]
@@ -181,16 +155,11 @@ impl Crossings {
         &mut self,
         outlook: Outlook,
         candidates: &Candidates,
-        part: &Selection,
         contours: &Contours,
         between: bool,
     ) {
-        self.places.resize(candidates.vertices().len(), 0);
-        for run in part.vertices() {
-            fill(&mut self.places, candidates, run.clone(), outlook);
-        }
+        fill(&mut self.places, candidates, outlook);
         self.keep(candidates, contours, between);
-        self.counts.aside = candidates.edges().len() - part.len();
     }
 
     /// Crosses the contours that were chosen with the isolines.
@@ -238,7 +207,7 @@ impl Crossings {
         }
         self.chords.truncate(count);
         let above = contours.len() - hidden;
-        self.counts = Counts { above, below: hidden, between: above - crossing, aside: 0 };
+        self.counts = Counts { above, below: hidden, between: above - crossing };
     }
 
     /// The circles of all chords, four at a time.

@@ -1,6 +1,5 @@
 //! The isolines of an equal-area chart, for what needs no table of light.
 
-mod blocks;
 mod crossings;
 mod sweep;
 mod vertices;

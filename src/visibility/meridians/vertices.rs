@@ -1,5 +1,4 @@
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 use dual_bvh::Candidates;
 use glam::DVec3;
@@ -25,14 +24,15 @@ pub(in crate::visibility) fn place(w: DVec3, lines: usize) -> i32 {
 /// Marks the places of vertices below the horizon, or in it to rounding.
 pub(super) const BELOW: i32 = 1 << 30;
 
-/// Fills in the places of a run of the candidates' vertices for one receiver.
+/// Fills in the places of all candidates' vertices for one receiver.
 #[inline(always)]
-pub(super) fn fill(places: &mut [i32], candidates: &Candidates, run: Range<usize>, outlook: Outlook) {
+pub(super) fn fill(places: &mut Vec<i32>, candidates: &Candidates, outlook: Outlook) {
     let Outlook { meridians, frame, position, normal } = outlook;
     let lines = meridians.len();
-    let [x, y, z] = candidates.coordinates().map(|lanes| &lanes[run.clone()]);
-    let places = &mut places[run];
-    let count = places.len();
+    let [x, y, z] = candidates.coordinates();
+    let count = x.len();
+    places.resize(count, 0);
+    let (y, z, places) = (&y[..count], &z[..count], &mut places[..count]);
     // A full sphere has no horizon.
     let (normal, level) = normal.map_or((DVec3::ZERO, -1.0), |normal| (normal, IN_HORIZON));
     for i in 0..count {
