@@ -84,6 +84,9 @@ impl LightTable {
     fn add(&self, axis: usize, line: usize, interval: Interval, factor: f64, out: &mut [f64; 9]) {
         let arc = &self.axes[axis][(line * 4 + interval.quadrant) * (self.cells + 1)..][..self.cells + 1];
         for (to, factor) in [(interval.to, factor), (interval.from, -factor)] {
+            if to == 0.0 {
+                continue;
+            }
             let at = to * self.cells as f64;
             let cell = (at as usize).min(self.cells - 1);
             let part = at - cell as f64;
@@ -105,16 +108,16 @@ impl LightTable {
     }
 }
 
-/// Chooses slabs with two neighbours by the light of each: the brightest stand for themselves, others for the rest.
+/// Chooses slabs by the light of each: the brightest stand for themselves, others for the rest.
 fn samples(light: Vec<f64>) -> Vec<Sample> {
-    let mut inner: Vec<usize> = (1..light.len() - 1).collect();
-    inner.sort_by(|&a, &b| light[b].total_cmp(&light[a]).then(a.cmp(&b)));
-    let mut rest = inner.split_off(BRIGHT.min(inner.len()));
+    let mut bright: Vec<usize> = (0..light.len()).collect();
+    bright.sort_by(|&a, &b| light[b].total_cmp(&light[a]).then(a.cmp(&b)));
+    let mut rest = bright.split_off(BRIGHT.min(bright.len()));
     rest.sort_unstable();
     let taken = BRIGHT.min(rest.len());
     let weight = rest.len() as f64 / taken.max(1) as f64;
     let others = (0..taken).map(|i| Sample { line: rest[(2 * i + 1) * rest.len() / (2 * taken)], weight });
-    let mut samples: Vec<Sample> = inner.into_iter().map(|line| Sample { line, weight: 1.0 }).chain(others).collect();
+    let mut samples: Vec<Sample> = bright.into_iter().map(|line| Sample { line, weight: 1.0 }).chain(others).collect();
     samples.sort_unstable_by_key(|sample| sample.line);
     samples
 }
@@ -168,14 +171,17 @@ impl LightMoments {
         [0, 3, 6].map(|i| DVec3::from_slice(&self.sum[i..i + 3]))
     }
 
-    /// The error to expect, in the worst of the nine numbers: every other slab under the mean of what its neighbours'
+    /// The error to expect of each number of [`LightMoments::vectors`]: every other slab under the mean of what its neighbours'
     /// isolines see, and light that is uneven inside the cells where intervals end. From the slabs in which most of the light is
     /// and a sample of the others.
-    pub fn error(&self, table: &LightTable, axis: usize) -> f64 {
+    pub fn errors(&self, table: &LightTable, axis: usize) -> [DVec3; 3] {
         let (mut sums, mut squares) = ([0.0; 9], [0.0; 9]);
         for &Sample { line, weight } in &table.samples[axis] {
             let mut difference = [0.0; 9];
-            for (from, factor) in [(line, 1.0), (line - 1, -0.5), (line + 1, -0.5)] {
+            let inner = line > 0 && line + 1 < table.lines;
+            let share = if inner { -0.5 } else { -1.0 };
+            let neighbours = [line.wrapping_sub(1), line + 1].into_iter().filter(|&other| other < table.lines);
+            for (from, factor) in neighbours.map(|other| (other, share)).chain([(line, 1.0)]) {
                 for &interval in &self.intervals[self.of_line[from].clone()] {
                     table.add(axis, line, interval, factor, &mut difference);
                 }
@@ -191,6 +197,6 @@ impl LightMoments {
         }
         // What the slabs have in common, and what they have not. Both halves of the isolines are looked at.
         let error = |(sum, square): (&f64, &f64)| 0.25 * sum * sum + 0.5 * square;
-        sums.iter().zip(&squares).map(error).fold(0.0, f64::max).sqrt()
+        [0, 3, 6].map(|i| DVec3::from_array([i, i + 1, i + 2].map(|i| error((&sums[i], &squares[i])).sqrt())))
     }
 }
