@@ -330,15 +330,7 @@ fn skips_change_no_bit() {
     let (everywhere, _) = Receivers::vertices(&building);
     let inside = everywhere.pick((0..everywhere.len()).step_by(50));
     let all = Skips::default();
-    let fewer = [
-        Skips { below_horizon: false, ..all },
-        Skips { shared_searches: false, ..all },
-        Skips { open_receivers: false, ..all },
-        Skips { enclosed_receivers: false, ..all },
-        Skips { between_isolines: false, ..all },
-        Skips { hidden_bodies: false, ..all },
-        Skips::NONE,
-    ];
+    let fewer: Vec<Skips> = Skips::each().into_iter().map(|(_, skips)| skips).chain([Skips::NONE]).collect();
     for (geometry, receivers, light) in [
         (&room, &vertices, Some(&environment)),
         (&geometry, &points, Some(&environment)),
@@ -349,11 +341,12 @@ fn skips_change_no_bit() {
         let request = request(receivers, light, ORDER);
         let with = |skips| {
             let method = Method::Isolines { lines: 32 };
-            let prepared = Prepared::new(geometry, light).with_skips(skips);
+            let mut prepared = Prepared::new(geometry, light);
+            prepared.set_skips(skips);
             prepared.integrate(receivers, &request, method, None, &()).unwrap()
         };
         let expected = with(all);
-        for skips in fewer {
+        for &skips in &fewer {
             let found = with(skips);
             assert!(found.arrays == expected.arrays, "{skips:?}");
             let count = |name: &str| (found.statistics.skipped[name], expected.statistics.skipped[name]);

@@ -16,6 +16,7 @@ mod render;
 mod run;
 mod stress;
 mod terminal;
+mod update;
 
 use std::io::{self, Write};
 use std::process::ExitCode;

@@ -26,6 +26,19 @@ impl Skips {
         between_isolines: false,
         hidden_bodies: false,
     };
+
+    /// For each kind of work its name, and everything left out but that.
+    pub fn each() -> [(&'static str, Self); 6] {
+        let all = Self::default();
+        [
+            ("below_horizon", Self { below_horizon: false, ..all }),
+            ("shared_searches", Self { shared_searches: false, ..all }),
+            ("open_receivers", Self { open_receivers: false, ..all }),
+            ("enclosed_receivers", Self { enclosed_receivers: false, ..all }),
+            ("between_isolines", Self { between_isolines: false, ..all }),
+            ("hidden_bodies", Self { hidden_bodies: false, ..all }),
+        ]
+    }
 }
 
 impl Default for Skips {
