@@ -49,7 +49,6 @@ impl Engine<'_> {
             for receiver in receivers {
                 let frame = MeridianFrame::facing(receiver.normal, false);
                 row.fill(0.0);
-                viewer.find(receiver, &mut self.view);
                 let sight = viewer.trace(&self.meridians, frame, receiver, Skips::default(), &mut self.view);
                 match (sight, receiver.normal) {
                     (Sight::Open, Some(normal)) => row.copy_from_slice(&hemisphere(table.order(), normal)),

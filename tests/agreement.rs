@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3, Vec3};
 use rayon::ThreadPoolBuilder;
 use scenes::{Random, assembled, request, rms, run, values};
 use silhouette::bake::{Arrays, Control, Method, Partial, Prepared, Provenance, Receivers, Skips, integrate};
-use silhouette::scene::shapes::{Cuboid, Foliage, Icosphere, Opening, Plane, Room, TorusKnot};
+use silhouette::scene::shapes::{Building, Cuboid, Foliage, Icosphere, Opening, Plane, Room, TorusKnot};
 use silhouette::scene::{Environment, Geometry, Mesh};
 
 const ORDER: usize = 3;
@@ -325,13 +325,23 @@ fn skips_change_no_bit() {
     let (geometry, environment, points) = shared();
     let far = Receivers::points((0..20).map(|i| (DVec3::new(50.0, f64::from(i), 0.0), DVec3::X)));
     let probes = Receivers::probes(points.positions[..40].to_vec());
+    let building = Building { rooms: [3, 1], room: Room { subdivisions: 2, ..Room::default() }, ..Building::default() };
+    let building = assembled([building.mesh().unwrap()], DQuat::IDENTITY);
+    let (everywhere, _) = Receivers::vertices(&building);
+    let inside = everywhere.pick((0..everywhere.len()).step_by(50));
     let all = Skips::default();
     let fewer: Vec<Skips> = Skips::each().into_iter().map(|(_, skips)| skips).chain([Skips::NONE]).collect();
-    for (geometry, receivers) in [(&room, &vertices), (&geometry, &points), (&geometry, &far), (&geometry, &probes)] {
-        let request = request(receivers, Some(&environment), ORDER);
+    for (geometry, receivers, light) in [
+        (&room, &vertices, Some(&environment)),
+        (&geometry, &points, Some(&environment)),
+        (&geometry, &far, Some(&environment)),
+        (&geometry, &probes, Some(&environment)),
+        (&building, &inside, None),
+    ] {
+        let request = request(receivers, light, ORDER);
         let with = |skips| {
             let method = Method::Isolines { lines: 32 };
-            let mut prepared = Prepared::new(geometry, Some(&environment));
+            let mut prepared = Prepared::new(geometry, light);
             prepared.set_skips(skips);
             prepared.integrate(receivers, &request, method, None, &()).unwrap()
         };
@@ -341,6 +351,8 @@ fn skips_change_no_bit() {
             assert!(found.arrays == expected.arrays, "{skips:?}");
             let count = |name: &str| (found.statistics.skipped[name], expected.statistics.skipped[name]);
             assert!(skips.shared_searches || count("shared_searches").0 == 0);
+            assert!(skips.hidden_bodies || count("hidden_bodies").0 == 0);
+            assert!(light.is_some() || count("hidden_bodies").1 > 0);
             assert!(skips.below_horizon || count("contours_below_horizon").0 >= count("contours_below_horizon").1);
         }
     }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::dual::{Dual, face_units};
 use crate::edge::Edges;
+use crate::groups::{Group, Grouping};
 use crate::node::{Bounds, FAN, Leaf, Node, Tree, WIDTH};
 use crate::{DualBvh, Error};
 
@@ -17,14 +18,17 @@ use crate::{DualBvh, Error};
 #[non_exhaustive]
 pub struct BuildOptions {
     /// Length that a difference of unit normals counts for beside differences of positions, in units of the diagonal of the
-    /// mesh's bounding box. Larger values group edges of similar planes, smaller ones edges that are near one another. Raise it
+    /// group's bounding box. Larger values group edges of similar planes, smaller ones edges that are near one another. Raise it
     /// for smooth surfaces, lower it if receivers see little of the mesh above their horizons.
     pub normal_weight: f32,
+    /// Fewest faces of a group, see [`DualBvh::groups`]: bodies of fewer are put together with neighbours. With the largest
+    /// number there is one group.
+    pub group_faces: usize,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { normal_weight: 0.25 }
+        Self { normal_weight: 0.25, group_faces: 256 }
     }
 }
 
@@ -46,31 +50,76 @@ impl DualBvh {
     /// face. Also more than 2^30 vertices or faces, or an option out of its domain.
     pub fn build(positions: Arc<[Vec3]>, triangles: Arc<[[u32; 3]]>, options: &BuildOptions) -> Result<DualBvh, Error> {
         validate(&positions, &triangles, options)?;
+        let Grouping { of_vertices, boxes } = Grouping::new(&positions, &triangles, options.group_faces);
+        let count = boxes.first().map_or(0, Vec::len);
         let mut edges = Edges::collect(positions.len(), &triangles);
-        let balanced = {
+        let sizes = {
             let units = face_units(&positions, &triangles);
             let dual = Dual::new(&positions, &triangles, &edges, &units);
-            let numbers = 0..edges.records.len() as u32;
-            let (mut even, mut odd) =
-                numbers.partition::<Vec<u32>, _>(|&edge| edges.incidences(edge).len().is_multiple_of(2));
-            arrange(&mut even, &dual, options.normal_weight);
-            arrange(&mut odd, &dual, 0.0);
-            let balanced = even.len();
-            even.append(&mut odd);
+            let (mut order, sizes) = partition(&edges, &of_vertices, count);
+            drop(of_vertices);
+            let mut parts = Vec::with_capacity(2 * count);
+            let mut rest = &mut *order;
+            for size in sizes.iter().flatten() {
+                let (part, others) = std::mem::take(&mut rest).split_at_mut(*size);
+                parts.push(part);
+                rest = others;
+            }
+            parts.into_par_iter().enumerate().for_each(|(part, edges)| {
+                arrange(edges, &dual, if part % 2 == 0 { options.normal_weight } else { 0.0 });
+            });
             drop(dual);
             // Cheaper made again than kept while the edges are there twice.
             drop(units);
-            edges.reorder(&even, &triangles);
-            balanced
+            edges.reorder(&order, &triangles);
+            sizes
         };
         let units = face_units(&positions, &triangles);
         let dual = Dual::new(&positions, &triangles, &edges, &units);
-        let unbalanced = edges.records.len() - balanced;
-        let pairs = tree(&dual, 0, balanced, true);
-        let rest = tree(&dual, balanced as u32, unbalanced, false);
+        let firsts = sizes.iter().scan(0, |next, [balanced, unbalanced]| {
+            let first = *next;
+            *next += (balanced + unbalanced) as u32;
+            Some(first)
+        });
+        let firsts: Vec<(u32, [usize; 2])> = firsts.zip(sizes.iter().copied()).collect();
+        let grow = |&(first, [balanced, unbalanced]): &(u32, [usize; 2])| Group {
+            first,
+            balanced: tree(&dual, first, balanced, true),
+            unbalanced: tree(&dual, first + balanced as u32, unbalanced, false),
+        };
+        let groups = firsts.par_iter().map(grow).collect();
         drop(dual);
-        Ok(DualBvh { positions, triangles, edges, balanced: pairs, unbalanced: rest })
+        Ok(DualBvh { positions, triangles, edges, groups, boxes })
     }
+}
+
+/// The edges by group, and within one those with an even number of faces first; and how many there are of both.
+fn partition(edges: &Edges, of_vertices: &[u32], groups: usize) -> (Vec<u32>, Vec<[usize; 2]>) {
+    let part = |edge: u32| {
+        let group = of_vertices[edges.records[edge as usize].vertices()[0] as usize] as usize;
+        (group, edges.incidences(edge).len() % 2)
+    };
+    let numbers = 0..edges.records.len() as u32;
+    let mut sizes = vec![[0; 2]; groups];
+    for (group, parity) in numbers.clone().map(part) {
+        sizes[group][parity] += 1;
+    }
+    let mut next: Vec<[usize; 2]> = sizes
+        .iter()
+        .scan(0, |next, [balanced, unbalanced]| {
+            let first = *next;
+            *next += balanced + unbalanced;
+            Some([first, first + balanced])
+        })
+        .collect();
+    let mut order = vec![0; edges.records.len()];
+    for edge in numbers {
+        let (group, parity) = part(edge);
+        let place = &mut next[group][parity];
+        order[*place] = edge;
+        *place += 1;
+    }
+    (order, sizes)
 }
 
 fn validate(positions: &[Vec3], triangles: &[[u32; 3]], options: &BuildOptions) -> Result<(), Error> {
@@ -100,11 +149,26 @@ fn validate(positions: &[Vec3], triangles: &[[u32; 3]], options: &BuildOptions) 
     Ok(())
 }
 
-/// An edge as a point in space: middle, and weighted mean normal.
+/// An edge as a point in space, middle and weighted mean normal; or a point itself.
 #[derive(Clone, Copy)]
 struct Item {
     key: [f32; 6],
-    edge: u32,
+    number: u32,
+}
+
+/// Orders points as [`split`] does, which gives their numbers: neighbours in the order are neighbours in space.
+pub(crate) fn arrange_points(points: impl Iterator<Item = Vec3>) -> Vec<u32> {
+    let item = |(number, p): (u32, Vec3)| Item { key: [p.x, p.y, p.z, 0.0, 0.0, 0.0], number };
+    let mut items: Vec<Item> = (0..).zip(points).map(item).collect();
+    order(&mut items);
+    items.iter().map(|item| item.number).collect()
+}
+
+fn order(items: &mut [Item]) {
+    let height = Tree::shape(items.len()).len();
+    if height > 0 {
+        split(items, Tree::capacity(height - 1));
+    }
 }
 
 /// Orders edges for a [`Tree`], so that neighbours in the order are neighbours in position and normal.
@@ -122,21 +186,18 @@ fn arrange(edges: &mut [u32], dual: &Dual<'_>, normal_weight: f32) {
         let normal = sum * (f64::from(normal_weight) / count);
         let [x, y, z] = middle.to_array().map(|x| x as f32);
         let [u, v, w] = normal.to_array().map(|x| x as f32);
-        Item { key: [x, y, z, u, v, w], edge }
+        Item { key: [x, y, z, u, v, w], number: edge }
     };
     let mut items: Vec<Item> = edges.par_iter().map(item).collect();
-    let height = Tree::shape(items.len()).len();
-    if height > 0 {
-        split(&mut items, Tree::capacity(height - 1));
-    }
-    edges.iter_mut().zip(items).for_each(|(edge, item)| *edge = item.edge);
+    order(&mut items);
+    edges.iter_mut().zip(items).for_each(|(edge, item)| *edge = item.number);
 }
 
 /// Orders `items`, which lie below one node, whose children hold `capacity` edges each: halves along the longest axis, each a
 /// whole number of children, down to the leaves.
 fn split(items: &mut [Item], mut capacity: usize) {
     if items.len() <= WIDTH {
-        items.sort_unstable_by_key(|item| item.edge);
+        items.sort_unstable_by_key(|item| item.number);
         return;
     }
     while capacity >= items.len() {
@@ -151,7 +212,7 @@ fn split(items: &mut [Item], mut capacity: usize) {
     }
     let longest = |i: &usize, j: &usize| (high[*i] - low[*i]).total_cmp(&(high[*j] - low[*j])).then(j.cmp(i));
     let axis = (0..6).max_by(longest).unwrap_or_default();
-    let along = |x: &Item, y: &Item| -> Ordering { x.key[axis].total_cmp(&y.key[axis]).then(x.edge.cmp(&y.edge)) };
+    let along = |x: &Item, y: &Item| -> Ordering { x.key[axis].total_cmp(&y.key[axis]).then(x.number.cmp(&y.number)) };
 
     let left = items.len().div_ceil(capacity).div_ceil(2) * capacity;
     items.select_nth_unstable_by(left, along);

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::contours::{Contour, Contours};
@@ -5,6 +7,25 @@ use crate::face::{plane_value, sign};
 use crate::numbering::Numbering;
 use crate::search::Scratch;
 use crate::{DualBvh, Incidence};
+
+/// What a search found in one group: ranges of the candidates' numbers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Part {
+    /// The group.
+    pub group: u32,
+    /// Its vertices.
+    pub vertices: Range<usize>,
+    /// Its faces.
+    pub faces: Range<usize>,
+    /// Its edges.
+    pub edges: Range<usize>,
+    /// Start of its incidences.
+    pub(crate) first: usize,
+    /// The first edges have two faces that run in opposite directions, that along the edge first.
+    pub(crate) regular: usize,
+    /// The next ones have one face.
+    pub(crate) border: usize,
+}
 
 /// An edge that may be a contour for some receiver of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,7 +41,7 @@ pub struct CandidateEdge {
 }
 
 /// What a search found for a tile of receivers: the edges that may be contours for some of them, with the vertices and faces they
-/// use, each once and numbered locally.
+/// use, each once and numbered locally, group after group.
 ///
 /// The order is the same for every search of the same tile. Keep one per thread and search into it again and again: all memory is
 /// reused.
@@ -39,10 +60,9 @@ pub struct Candidates {
     pub(crate) edge_count: usize,
     pub(crate) incidences: Vec<Incidence>,
     pub(crate) incidence_count: usize,
-    /// The first edges have two faces that run in opposite directions, that along the edge first.
-    pub(crate) regular: usize,
-    /// The next ones have one face.
-    pub(crate) border: usize,
+    pub(crate) parts: Vec<Part>,
+    /// For every group the number of its part, plus one; zero if it has not been searched.
+    part_of: Vec<u32>,
     pub(crate) nodes_tested: u64,
     pub(crate) edges_tested: u64,
     pub(crate) scratch: Scratch,
@@ -53,6 +73,32 @@ impl Candidates {
     pub(crate) fn clear(&mut self, bvh: &DualBvh) {
         self.vertices.clear(bvh.positions.len());
         self.faces.clear(bvh.triangles.len());
+        (self.edge_count, self.incidence_count) = (0, 0);
+        (self.nodes_tested, self.edges_tested) = (0, 0);
+        for part in self.parts.drain(..) {
+            // Of a group of another tree, perhaps.
+            if let Some(part_of) = self.part_of.get_mut(part.group as usize) {
+                *part_of = 0;
+            }
+        }
+        self.part_of.resize(bvh.groups(), 0);
+    }
+
+    /// Notes what was found in a group.
+    pub(crate) fn push(&mut self, part: Part) {
+        self.part_of[part.group as usize] = self.parts.len() as u32 + 1;
+        self.parts.push(part);
+    }
+
+    /// What was found in every group that was searched, in the order of the searches.
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// What was found in a group, if it has been searched.
+    #[inline]
+    pub fn part(&self, group: u32) -> Option<&Part> {
+        self.parts.get((self.part_of[group as usize] as usize).wrapping_sub(1))
     }
 
     /// Numbers in the mesh of the candidates' vertices.
@@ -125,61 +171,76 @@ impl Candidates {
     /// The excluded faces must be among those the tile was given ([`crate::Tile::with_faces`]); otherwise the edges by which they
     /// hang together with the rest may be missing.
     pub fn contours(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+        self.contours_of(&self.parts, receiver, excluded, out);
+    }
+
+    /// The same in one group, which has been searched.
+    pub fn contours_in(&self, part: &Part, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+        self.contours_of(std::slice::from_ref(part), receiver, excluded, out);
+    }
+
+    fn contours_of(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.contours_avx2(receiver, excluded, out) };
+            return unsafe { self.contours_avx2(parts, receiver, excluded, out) };
         }
-        self.contours_inline(receiver, excluded, out);
+        self.contours_inline(parts, receiver, excluded, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn contours_avx2(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_inline(receiver, excluded, out);
+    fn contours_avx2(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+        self.contours_inline(parts, receiver, excluded, out);
     }
 
+    /// `parts` follow one another.
     #[inline(always)]
-    pub(crate) fn contours_inline(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        out.room(self.faces().len(), self.edges().len());
-        let signs = &mut out.signs[..self.faces().len()];
-        self.signs(receiver, signs);
+    pub(crate) fn contours_inline(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+        let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return out.room(0, 0) };
+        let faces = first.faces.start..last.faces.end;
+        out.room(faces.end, last.edges.end - first.edges.start);
+        let signs = &mut out.signs[..faces.end];
+        self.signs(receiver, faces.start, &mut signs[faces.clone()]);
         for &face in excluded {
-            if let Some(local) = self.local_face(face) {
+            if let Some(local) = self.local_face(face).filter(|&local| faces.contains(&(local as usize))) {
                 signs[local as usize] = 0;
             }
         }
 
         // Every edge is written, contours stay: which they are is hard to predict.
-        let buffer = &mut out.buffer[..self.edges().len()];
+        let buffer = &mut out.buffer[..last.edges.end - first.edges.start];
         let mut count = 0;
         let mut put = |edge: usize, jump: i32| {
             buffer[count] = Contour { edge: edge as u32, jump };
             count += usize::from(jump != 0);
         };
-        let (regular, rest) = self.incidences().split_at(2 * self.regular);
-        let border = &rest[..self.border];
-        for (edge, uses) in regular.chunks_exact(2).enumerate() {
-            put(edge, i32::from(signs[uses[0].face() as usize]) - i32::from(signs[uses[1].face() as usize]));
-        }
         let jump = |use_: &Incidence| i32::from(use_.orientation()) * i32::from(signs[use_.face() as usize]);
-        for (i, use_) in border.iter().enumerate() {
-            put(self.regular + i, jump(use_));
-        }
-        for (edge, candidate) in self.edges().iter().enumerate().skip(self.regular + self.border) {
-            put(edge, self.faces_of(candidate).iter().map(jump).sum());
+        for part in parts {
+            let (regular, rest) = self.incidences()[part.first..].split_at(2 * part.regular);
+            let border = &rest[..part.border];
+            let next = part.edges.start + part.regular;
+            for (edge, uses) in (part.edges.start..).zip(regular.chunks_exact(2)) {
+                put(edge, i32::from(signs[uses[0].face() as usize]) - i32::from(signs[uses[1].face() as usize]));
+            }
+            for (edge, use_) in (next..).zip(border) {
+                put(edge, jump(use_));
+            }
+            for edge in next + part.border..part.edges.end {
+                put(edge, self.faces_of(&self.edges[edge]).iter().map(jump).sum());
+            }
         }
         out.count = count;
     }
 
-    /// The sides of all faces on which the receiver lies.
+    /// The sides of the faces from `first` on, on which the receiver lies.
     #[inline(always)]
-    fn signs(&self, p: DVec3, signs: &mut [i8]) {
+    fn signs(&self, p: DVec3, first: usize, signs: &mut [i8]) {
         let count = signs.len();
         let [nx, ny, nz] = &self.normals;
         let [ax, ay, az] = &self.anchors;
-        let (nx, ny, nz) = (&nx[..count], &ny[..count], &nz[..count]);
-        let (ax, ay, az) = (&ax[..count], &ay[..count], &az[..count]);
+        let (nx, ny, nz) = (&nx[first..][..count], &ny[first..][..count], &nz[first..][..count]);
+        let (ax, ay, az) = (&ax[first..][..count], &ay[first..][..count], &az[first..][..count]);
         for i in 0..count {
             let anchor = DVec3::new(f64::from(ax[i]), f64::from(ay[i]), f64::from(az[i]));
             signs[i] = sign(plane_value(DVec3::new(nx[i], ny[i], nz[i]), anchor, p));

@@ -3,6 +3,7 @@
 use crate::DualBvh;
 use crate::dual::{Dual, Plane, face_units};
 use crate::edge::{Edges, sides};
+use crate::groups::Group;
 use crate::node::{Bounds, FAN, Leaf, STEPS, Tree, WIDTH, fractions};
 
 /// A broken invariant of a tree: a defect of this crate, or of the memory it ran in, never of the mesh.
@@ -51,6 +52,12 @@ pub enum Defect {
         /// Its number of faces.
         faces: usize,
     },
+    /// A group shares a vertex with another one, is empty, or lies outside of its box; or not all edges belong to groups.
+    #[error("group {group} is not a group of its own, or not in its box")]
+    Group {
+        /// The group.
+        group: usize,
+    },
     /// A tree has not as many nodes or leaves as its edges need.
     #[error("a tree over {edges} edges has {found:?} nodes per level, then leaves, instead of {expected:?}")]
     Shape {
@@ -93,31 +100,71 @@ impl DualBvh {
     /// The first defect found. There is none unless this crate is at fault.
     pub fn check(&self) -> Result<(), Defect> {
         self.edges.check(&self.triangles)?;
-        let balanced = self.balanced.edges;
-        for edge in 0..self.edge_count() as u32 {
-            let faces = self.edges.incidences(edge).len();
-            if faces.is_multiple_of(2) != ((edge as usize) < balanced) {
+        self.check_groups()?;
+        let units = face_units(&self.positions, &self.triangles);
+        let dual = Dual::new(&self.positions, &self.triangles, &self.edges, &units);
+        self.groups.iter().try_for_each(|group| group.check(&self.edges, &dual))
+    }
+
+    fn check_groups(&self) -> Result<(), Defect> {
+        let mut next = 0;
+        for (number, group) in self.groups.iter().enumerate() {
+            if group.first != next || group.edges().is_empty() {
+                return Err(Defect::Group { group: number });
+            }
+            next = group.edges().end;
+        }
+        if next as usize != self.edge_count() || self.groups.len() != self.boxes.first().map_or(0, Vec::len) {
+            return Err(Defect::Group { group: self.groups.len() });
+        }
+        let mut of_vertices = vec![None; self.positions.len()];
+        for (face, corners) in self.triangles.iter().enumerate() {
+            let group = self.group_of(face as u32);
+            let [low, high] = self.boxes[0][group as usize];
+            for &vertex in corners {
+                let p = self.positions[vertex as usize];
+                let is_inside = p.cmpge(low).all() && p.cmple(high).all();
+                if *of_vertices[vertex as usize].get_or_insert(group) != group || !is_inside {
+                    return Err(Defect::Group { group: group as usize });
+                }
+            }
+        }
+        for levels in self.boxes.windows(2) {
+            for (i, [low, high]) in levels[0].iter().enumerate() {
+                let holds = levels[1].get(i / WIDTH).is_some_and(|[l, h]| low.cmpge(*l).all() && high.cmple(*h).all());
+                if !holds {
+                    return Err(Defect::Group { group: i });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Group {
+    fn check(&self, edges: &Edges, dual: &Dual<'_>) -> Result<(), Defect> {
+        let odd = self.first + self.balanced.edges as u32;
+        for edge in self.edges() {
+            let faces = edges.incidences(edge).len();
+            if faces.is_multiple_of(2) != (edge < odd) {
                 return Err(Defect::Parity { edge, faces });
             }
         }
-        self.balanced.check_shape(balanced, true)?;
-        self.unbalanced.check_shape(self.edge_count() - balanced, false)?;
-
-        let units = face_units(&self.positions, &self.triangles);
-        let dual = Dual::new(&self.positions, &self.triangles, &self.edges, &units);
-        self.balanced.check_bounds(&dual, 0, true)?;
-        self.unbalanced.check_bounds(&dual, balanced as u32, false)?;
+        self.balanced.check_shape(true)?;
+        self.unbalanced.check_shape(false)?;
+        self.balanced.check_bounds(dual, self.first, true)?;
+        self.unbalanced.check_bounds(dual, odd, false)?;
         for (index, leaf) in self.balanced.leaves.iter().enumerate() {
             let bounds = self.balanced.levels[0][index / WIDTH].get(index % WIDTH);
             for (lane, edge) in self.balanced.edges_below(0, index).enumerate() {
-                let fan = self.edges.incidences(edge as u32).len() > 2;
-                let holds = if fan {
+                let edge = self.first + edge as u32;
+                let holds = if dual.is_fan(edge) {
                     leaf.planes[0][3][lane] == FAN
                 } else {
-                    dual.planes(edge as u32).enumerate().all(|(which, plane)| leaf.holds(which, lane, &plane, &bounds))
+                    dual.planes(edge).enumerate().all(|(which, plane)| leaf.holds(which, lane, &plane, &bounds))
                 };
                 if !holds {
-                    return Err(Defect::Plane { leaf: index, edge: edge as u32 });
+                    return Err(Defect::Plane { leaf: index, edge });
                 }
             }
         }
@@ -166,11 +213,12 @@ impl Edges {
 }
 
 impl Tree {
-    fn check_shape(&self, edges: usize, balanced: bool) -> Result<(), Defect> {
+    fn check_shape(&self, balanced: bool) -> Result<(), Defect> {
+        let edges = self.edges;
         let leaves = if balanced { edges.div_ceil(WIDTH) } else { 0 };
         let expected: Vec<usize> = Self::shape(edges).into_iter().chain([leaves]).collect();
         let found: Vec<usize> = self.levels.iter().map(Vec::len).chain([self.leaves.len()]).collect();
-        if found == expected && self.edges == edges { Ok(()) } else { Err(Defect::Shape { edges, expected, found }) }
+        if found == expected { Ok(()) } else { Err(Defect::Shape { edges, expected, found }) }
     }
 
     fn check_bounds(&self, dual: &Dual<'_>, first: u32, balanced: bool) -> Result<(), Defect> {
@@ -262,7 +310,7 @@ mod tests {
         let tree = tree();
         let fans: Vec<usize> = (0..tree.edge_count() as u32).map(|edge| tree.edge_faces(edge).len()).collect();
         assert!([1, 2, 3, 4].iter().all(|count| fans.contains(count)));
-        assert!(tree.balanced.levels.len() > 1 && tree.unbalanced.levels.len() > 1);
+        assert!(tree.groups[0].balanced.levels.len() > 1 && tree.groups[0].unbalanced.levels.len() > 1);
     }
 
     #[test]
@@ -296,15 +344,27 @@ mod tests {
 
     #[test]
     fn an_edge_in_the_wrong_tree_is_found() {
-        let wrong = defect(|tree| tree.balanced.edges -= 1);
+        let wrong = defect(|tree| {
+            tree.groups[0].balanced.edges -= 1;
+            tree.groups[0].unbalanced.edges += 1;
+        });
         assert!(matches!(wrong, Defect::Parity { faces: 2 | 4, .. }));
     }
 
     #[test]
+    fn wrong_groups_are_found() {
+        assert_eq!(defect(|tree| tree.groups[0].first = 1), Defect::Group { group: 0 });
+        assert_eq!(defect(|tree| tree.boxes[0][0][1].x = 0.5), Defect::Group { group: 0 });
+        assert_eq!(defect(|tree| tree.groups.push(Group::default())), Defect::Group { group: 1 });
+        assert_eq!(defect(|tree| tree.boxes[0].push([Vec3::ZERO; 2])), Defect::Group { group: 1 });
+        assert_eq!(defect(|tree| tree.boxes.push(vec![[Vec3::ZERO; 2]])), Defect::Group { group: 0 });
+    }
+
+    #[test]
     fn a_wrong_shape_is_found() {
-        let lost_leaf = defect(|tree| tree.balanced.leaves.truncate(3));
+        let lost_leaf = defect(|tree| tree.groups[0].balanced.leaves.truncate(3));
         assert!(matches!(lost_leaf, Defect::Shape { .. }));
-        let lost_level = defect(|tree| tree.unbalanced.levels.truncate(1));
+        let lost_level = defect(|tree| tree.groups[0].unbalanced.levels.truncate(1));
         assert!(matches!(lost_level, Defect::Shape { .. }));
     }
 
@@ -314,23 +374,24 @@ mod tests {
         let shrink = |half: &mut f32| *half -= 1e-4 * half.abs() + 1e-5;
         for height in 0..2 {
             for axis in 0..3 {
-                let trees: [fn(&mut DualBvh) -> &mut Tree; 2] = [|t| &mut t.balanced, |t| &mut t.unbalanced];
+                let trees: [fn(&mut DualBvh) -> &mut Tree; 2] =
+                    [|t| &mut t.groups[0].balanced, |t| &mut t.groups[0].unbalanced];
                 for tree in trees {
                     let ends = defect(|t| shrink(&mut tree(t).levels[height][0].half[axis][1]));
                     assert!(matches!(ends, Defect::Bounds { lane: 1, node: 0, what: "ends", .. }));
                 }
-                let planes = defect(|tree| shrink(&mut tree.balanced.levels[height][0].normal_half[axis][1]));
+                let planes = defect(|tree| shrink(&mut tree.groups[0].balanced.levels[height][0].normal_half[axis][1]));
                 assert!(matches!(planes, Defect::Bounds { lane: 1, what: "planes", .. }));
             }
             // Above the leaves' parents these bounds are not the tightest.
-            let planes = defect(|tree| match &mut tree.balanced.levels[height][0].offset_half[0] {
+            let planes = defect(|tree| match &mut tree.groups[0].balanced.levels[height][0].offset_half[0] {
                 half if height == 0 => shrink(half),
                 half => *half *= 0.5,
             });
             assert!(matches!(planes, Defect::Bounds { lane: 0, what: "planes", .. }));
-            let jump = defect(|tree| tree.unbalanced.levels[height][0].offset_half[2] = 1e30);
+            let jump = defect(|tree| tree.groups[0].unbalanced.levels[height][0].offset_half[2] = 1e30);
             assert!(matches!(jump, Defect::Bounds { lane: 2, what: "jump", .. }));
-            let nan = defect(|tree| tree.balanced.levels[height][0].center[0][0] = f32::NAN);
+            let nan = defect(|tree| tree.groups[0].balanced.levels[height][0].center[0][0] = f32::NAN);
             assert!(matches!(nan, Defect::Bounds { lane: 0, .. }));
         }
     }
@@ -340,14 +401,15 @@ mod tests {
         for (which, term) in (0..2).flat_map(|which| (0..4).map(move |term| (which, term))) {
             let leaf = 2;
             let wrong = defect(|tree| {
-                let lane = &mut tree.balanced.leaves[leaf].planes[which][term][5];
+                let lane = &mut tree.groups[0].balanced.leaves[leaf].planes[which][term][5];
                 *lane = lane.wrapping_add(if *lane > 0 { -2 } else { 2 });
             });
             assert_eq!(wrong, Defect::Plane { leaf, edge: 21 });
         }
         let fan = defect(|tree| {
-            let edge = (0..tree.balanced.edges).find(|&edge| tree.edges.records[edge].fan().is_some()).unwrap();
-            tree.balanced.leaves[edge / WIDTH].planes[0][3][edge % WIDTH] = 0;
+            let edge =
+                (0..tree.groups[0].balanced.edges).find(|&edge| tree.edges.records[edge].fan().is_some()).unwrap();
+            tree.groups[0].balanced.leaves[edge / WIDTH].planes[0][3][edge % WIDTH] = 0;
         });
         assert!(matches!(fan, Defect::Plane { .. }));
     }

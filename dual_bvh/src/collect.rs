@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::candidates::{CandidateEdge, Candidates, room};
+use crate::candidates::{CandidateEdge, Candidates, Part, room};
 use crate::edge::Incidence;
 use crate::face::{face_normal, plane_value, sign};
 use crate::prefetch::{AHEAD, ahead, prefetch};
@@ -10,9 +10,9 @@ use crate::search::Scratch;
 use crate::{DualBvh, Tile};
 
 impl DualBvh {
-    /// Turns the hits into candidates, in simple passes, each of which lets many loads overlap.
+    /// Turns the hits in a group into candidates, in simple passes, each of which lets many loads overlap.
     #[inline(always)]
-    pub(crate) fn collect(&self, tile: &Tile<'_>, scratch: &mut Scratch, out: &mut Candidates) {
+    pub(crate) fn collect(&self, group: u32, tile: &Tile<'_>, scratch: &mut Scratch, out: &mut Candidates) {
         let Scratch { hits, regular, border, other, .. } = scratch;
         regular.clear();
         border.clear();
@@ -27,15 +27,18 @@ impl DualBvh {
                 other.push(edge);
             }
         }
-        out.regular = regular.len();
-        out.border = border.len();
-        out.edge_count = regular.len() + border.len() + other.len();
+        let (old_edges, old_incidences) = (out.edge_count, out.incidence_count);
+        let (old_vertices, old_faces) = (out.vertices().len(), out.faces().len());
+        out.vertices.begin_part();
+        out.faces.begin_part();
+        let count = regular.len() + border.len() + other.len();
+        out.edge_count += count;
 
         room(&mut out.edges, out.edge_count);
-        out.vertices.reserve(2 * out.edge_count + 1);
-        let (pairs, rest) = out.edges.split_at_mut(out.regular);
-        let (lone, rest) = rest.split_at_mut(out.border);
-        let mut first = 0;
+        out.vertices.reserve(2 * count + 1);
+        let (pairs, rest) = out.edges[old_edges..].split_at_mut(regular.len());
+        let (lone, rest) = rest.split_at_mut(border.len());
+        let mut first = old_incidences as u32;
         for i in 0..regular.len() {
             if let Some(&([a, b], _)) = regular.get(i + AHEAD) {
                 out.vertices.prefetch(a);
@@ -58,9 +61,9 @@ impl DualBvh {
 
         out.incidence_count = first as usize;
         room(&mut out.incidences, out.incidence_count);
-        out.faces.reserve(out.incidence_count + 1);
-        let (pairs, rest) = out.incidences.split_at_mut(2 * out.regular);
-        let (lone, rest) = rest.split_at_mut(out.border);
+        out.faces.reserve(out.incidence_count - old_incidences + 1);
+        let (pairs, rest) = out.incidences[old_incidences..].split_at_mut(2 * regular.len());
+        let (lone, rest) = rest.split_at_mut(border.len());
         for i in 0..regular.len() {
             if let Some(&(_, [f, g])) = regular.get(i + AHEAD) {
                 out.faces.prefetch(f);
@@ -77,25 +80,36 @@ impl DualBvh {
 
         let vertices = out.vertices.globals();
         out.positions.iter_mut().for_each(|lanes| room(lanes, vertices.len()));
-        let [x, y, z] = &mut out.positions;
-        let vertices = ahead(vertices, AHEAD, |&vertex| prefetch(&self.positions[vertex as usize]));
+        let [x, y, z] = out.positions.each_mut().map(|lanes| &mut lanes[old_vertices..]);
+        let vertices = ahead(&vertices[old_vertices..], AHEAD, |&vertex| prefetch(&self.positions[vertex as usize]));
         for (((x, y), z), &vertex) in x.iter_mut().zip(y).zip(z).zip(vertices) {
             [*x, *y, *z] = self.positions[vertex as usize].to_array();
         }
-        self.collect_planes(out);
+        let part = Part {
+            group,
+            vertices: old_vertices..out.vertices.globals().len(),
+            faces: old_faces..out.faces.globals().len(),
+            edges: old_edges..out.edge_count,
+            first: old_incidences,
+            regular: regular.len(),
+            border: border.len(),
+        };
+        self.collect_planes(&part, out);
+        out.push(part);
     }
 
     #[inline(always)]
-    fn collect_planes(&self, out: &mut Candidates) {
-        let faces = out.faces.globals();
+    fn collect_planes(&self, part: &Part, out: &mut Candidates) {
+        let count = out.faces.globals().len();
+        let faces = &out.faces.globals()[part.faces.clone()];
         let triangles = ahead(faces, 2 * AHEAD, |&face| prefetch(&self.triangles[face as usize]));
         let corners = ahead(faces, AHEAD, |&face| {
             self.triangles[face as usize].iter().for_each(|&corner| prefetch(&self.positions[corner as usize]));
         });
-        out.normals.iter_mut().for_each(|lanes| room(lanes, faces.len()));
-        out.anchors.iter_mut().for_each(|lanes| room(lanes, faces.len()));
-        let [nx, ny, nz] = &mut out.normals;
-        let [ax, ay, az] = &mut out.anchors;
+        out.normals.iter_mut().for_each(|lanes| room(lanes, count));
+        out.anchors.iter_mut().for_each(|lanes| room(lanes, count));
+        let [nx, ny, nz] = out.normals.each_mut().map(|lanes| &mut lanes[part.faces.clone()]);
+        let [ax, ay, az] = out.anchors.each_mut().map(|lanes| &mut lanes[part.faces.clone()]);
         for (i, (&face, _)) in triangles.zip(corners).enumerate() {
             let [a, b, c] = self.triangles[face as usize];
             let a = self.positions[a as usize];

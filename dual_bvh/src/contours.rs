@@ -22,7 +22,8 @@ pub struct Contours {
 }
 
 impl Contours {
-    /// The side of each of the candidates' faces on which the receiver lies, by local number: 1 or -1, 0 for an excluded face.
+    /// The side of each of the candidates' faces on which the receiver lies, by local number: 1 or -1, 0 for an excluded face. If
+    /// the contours are those of one group, only the numbers of its faces mean anything.
     pub fn signs(&self) -> &[i8] {
         &self.signs[..self.face_count]
     }

@@ -56,6 +56,7 @@ mod dual;
 mod edge;
 mod error;
 mod face;
+mod groups;
 mod node;
 mod numbering;
 mod prefetch;
@@ -70,7 +71,7 @@ use glam::Vec3;
 
 pub use crate::brute::brute_force;
 pub use crate::build::BuildOptions;
-pub use crate::candidates::{CandidateEdge, Candidates};
+pub use crate::candidates::{CandidateEdge, Candidates, Part};
 pub use crate::check::Defect;
 pub use crate::contours::{Contour, Contours};
 pub use crate::edge::Incidence;
@@ -84,12 +85,10 @@ pub use crate::tile::Tile;
 pub struct DualBvh {
     positions: Arc<[Vec3]>,
     triangles: Arc<[[u32; 3]]>,
-    /// Those of the balanced tree, then those of the unbalanced one.
+    /// Group by group, those of the balanced tree, then those of the unbalanced one.
     edges: edge::Edges,
-    /// Edges with an even number of faces: no contours where all flipped planes have the same sign.
-    balanced: node::Tree,
-    /// Edges with an odd number of faces: contours for every receiver.
-    unbalanced: node::Tree,
+    groups: Vec<groups::Group>,
+    boxes: Vec<Vec<[Vec3; 2]>>,
 }
 
 impl DualBvh {
@@ -101,6 +100,33 @@ impl DualBvh {
     /// Corners of the faces.
     pub fn triangles(&self) -> &Arc<[[u32; 3]]> {
         &self.triangles
+    }
+
+    /// Number of groups: bodies that share no vertex with others, or several small ones that are near one another. No edge belongs
+    /// to faces of two groups, so the contours of one are closed, and can be searched alone: [`DualBvh::search_group`].
+    pub fn groups(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// The lowest and highest corners of the boxes around the groups; then of those around the groups 8 i to 8 i + 7, around eight
+    /// of these, and so on up to one box. Empty without faces.
+    pub fn group_boxes(&self) -> &[Vec<[Vec3; 2]>] {
+        &self.boxes
+    }
+
+    /// The group of a face.
+    ///
+    /// Panics if there is no such face.
+    pub fn group_of(&self, face: u32) -> u32 {
+        let edge = self.edges.of_faces[face as usize][0];
+        self.groups.partition_point(|group| group.first <= edge) as u32 - 1
+    }
+
+    /// Edges of a group.
+    ///
+    /// Panics if there is no such group.
+    pub fn group_edges(&self, group: u32) -> std::ops::Range<u32> {
+        self.groups[group as usize].edges()
     }
 
     /// Number of edges.

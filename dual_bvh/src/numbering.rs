@@ -9,16 +9,23 @@ pub(crate) struct Numbering {
     /// Only the first `count` count.
     globals: Vec<u32>,
     count: usize,
+    /// Smaller local numbers are not given again.
+    first: usize,
     locals: Vec<u32>,
 }
 
 impl Numbering {
     /// Forgets all local numbers, and makes room for global ones below `bound`.
     pub(crate) fn clear(&mut self, bound: usize) {
-        self.count = 0;
+        (self.count, self.first) = (0, 0);
         if self.locals.len() < bound {
             self.locals.resize(bound, 0);
         }
+    }
+
+    /// From now on everything gets a new local number, as if there were none yet.
+    pub(crate) fn begin_part(&mut self) {
+        self.first = self.count;
     }
 
     /// Makes room for `more` local numbers.
@@ -35,7 +42,7 @@ impl Numbering {
     pub(crate) fn insert(&mut self, global: u32) -> u32 {
         let slot = &mut self.locals[global as usize];
         let old = *slot as usize;
-        let known = (old < self.count) & (self.globals[old] == global);
+        let known = (old >= self.first) & (old < self.count) & (self.globals[old] == global);
         self.globals[self.count] = global;
         let local = if known { old } else { self.count };
         *slot = local as u32;
@@ -49,7 +56,7 @@ impl Numbering {
         prefetch(&self.locals[global as usize]);
     }
 
-    /// Local number of `global`, if it has one.
+    /// Local number of `global`, if it has one, the last if it has several.
     pub(crate) fn get(&self, global: u32) -> Option<u32> {
         let &local = self.locals.get(global as usize)?;
         (self.globals().get(local as usize) == Some(&global)).then_some(local)
@@ -72,6 +79,10 @@ mod tests {
         numbering.reserve(5);
         assert_eq!([7, 3, 7, 9, 3].map(|global| numbering.insert(global)), [0, 1, 0, 2, 1]);
         assert_eq!(numbering.globals(), [7, 3, 9]);
+        numbering.begin_part();
+        numbering.reserve(5);
+        assert_eq!([9, 1, 9].map(|global| numbering.insert(global)), [3, 4, 3]);
+        assert_eq!([7, 9].map(|global| numbering.get(global)), [Some(0), Some(3)]);
         numbering.clear(10);
         assert_eq!((numbering.get(7), numbering.get(99)), (None, None));
         assert_eq!(numbering.insert(3), 0);

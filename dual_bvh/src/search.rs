@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use crate::candidates::{Candidates, room};
 use crate::edge::Incidence;
+use crate::groups::Group;
 use crate::node::{Node, Tree, WIDTH};
 use crate::prefetch::{AHEAD, ahead, prefetch};
 use crate::query::{LeafHit, NodeTest, Query};
@@ -27,31 +28,45 @@ pub(crate) struct Scratch {
     pub(crate) border: Vec<([u32; 2], Incidence)>,
     /// The other found edges.
     pub(crate) other: Vec<u32>,
-    /// One bit an edge: set for edges of excluded faces, which are found without the tree.
+    /// The excluded faces by group, in the order in which they were given.
+    excluded_faces: Vec<(u32, u32, u32)>,
+    /// One bit an edge of the group being searched: set for edges of excluded faces, which are found without the tree.
     excluded: Vec<u8>,
 }
 
 impl Scratch {
-    /// Marks the edges of the excluded faces and makes them the first hits.
-    fn exclude(&mut self, bvh: &DualBvh, tile: &Tile<'_>) {
-        self.hits.clear();
-        if tile.excluded().is_empty() {
-            return self.excluded.clear();
-        }
-        self.excluded.resize(bvh.edges.records.len().div_ceil(8), 0);
-        for edge in bvh.edges_of(tile.excluded()) {
-            let (bits, bit) = (&mut self.excluded[edge as usize / 8], 1 << (edge % 8));
-            if *bits & bit == 0 {
-                *bits |= bit;
-                self.hits.push(edge);
-            }
-        }
+    /// Sorts the excluded faces into their groups.
+    fn sort_excluded(&mut self, bvh: &DualBvh, tile: &Tile<'_>) {
+        self.excluded_faces.clear();
+        let faces = tile.excluded().iter().filter(|&&face| (face as usize) < bvh.triangles.len());
+        self.excluded_faces.extend((0..).zip(faces).map(|(i, &face)| (bvh.group_of(face), i, face)));
+        self.excluded_faces.sort_unstable();
     }
 
-    /// Takes the marks away.
-    fn readmit(&mut self, bvh: &DualBvh, tile: &Tile<'_>) {
-        for edge in bvh.edges_of(tile.excluded()) {
-            self.excluded[edge as usize / 8] = 0;
+    /// Marks the edges of the group's excluded faces and makes them the first hits.
+    fn exclude(&mut self, bvh: &DualBvh, group: u32, tile: &Tile<'_>) {
+        let Self { hits, excluded, excluded_faces, .. } = self;
+        hits.clear();
+        excluded.clear();
+        let edges = bvh.group_edges(group);
+        let mut mark = |face: u32| {
+            excluded.resize(edges.len().div_ceil(8), 0);
+            for edge in bvh.face_edges(face) {
+                let local = (edge - edges.start) as usize;
+                let (bits, bit) = (&mut excluded[local / 8], 1 << (local % 8));
+                if *bits & bit == 0 {
+                    *bits |= bit;
+                    hits.push(edge);
+                }
+            }
+        };
+        if tile.excluded().len() < excluded_faces.len() {
+            // The few of a part of the tile.
+            let faces = tile.excluded().iter().filter(|&&face| (face as usize) < bvh.triangles.len());
+            faces.filter(|&&face| bvh.group_of(face) == group).for_each(|&face| mark(face));
+        } else {
+            let [start, end] = [group, group + 1].map(|group| excluded_faces.partition_point(|face| face.0 < group));
+            excluded_faces[start..end].iter().for_each(|&(_, _, face)| mark(face));
         }
     }
 }
@@ -61,18 +76,37 @@ impl DualBvh {
     /// every receiver, and all edges of the excluded faces. What `out` held is replaced; nothing is allocated once its memory has
     /// grown to the size that the searches need.
     pub fn search(&self, tile: &Tile<'_>, out: &mut Candidates) {
+        self.begin(tile, out);
+        (0..self.groups() as u32).for_each(|group| self.search_group(group, tile, out));
+    }
+
+    /// Begins the search for a tile, whose candidates are then found group by group, in any order: none yet.
+    pub fn begin(&self, tile: &Tile<'_>, out: &mut Candidates) {
+        out.clear(self);
+        out.scratch.sort_excluded(self, tile);
+    }
+
+    /// Finds the candidates in one group for a tile for which the search was [begun](DualBvh::begin), or for a part of that tile
+    /// that excludes some of the same faces. If the group has been searched before, it is the newer [part](Candidates::part) that
+    /// counts, but the older one is still there.
+    pub fn search_group(&self, group: u32, tile: &Tile<'_>, out: &mut Candidates) {
+        self.search_few(group, tile, usize::MAX, out);
+    }
+
+    /// The same, but only if there are at most so many edges that the tree does not rule out; returns their number.
+    pub fn search_few(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> usize {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.search_avx2(tile, out) };
+            return unsafe { self.search_avx2(group, tile, most, out) };
         }
-        self.search_inline(tile, out);
+        self.search_inline(group, tile, most, out)
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn search_avx2(&self, tile: &Tile<'_>, out: &mut Candidates) {
-        self.search_inline(tile, out);
+    fn search_avx2(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> usize {
+        self.search_inline(group, tile, most, out)
     }
 
     /// Makes every edge a candidate, for receivers anywhere: the twin of [`DualBvh::search`] without the tree, which finds the same
@@ -80,29 +114,37 @@ impl DualBvh {
     pub fn all_edges(&self, out: &mut Candidates) {
         out.clear(self);
         let mut scratch = std::mem::take(&mut out.scratch);
-        scratch.hits.clear();
-        scratch.hits.extend(0..self.edge_count() as u32);
-        (out.nodes_tested, out.edges_tested) = (0, self.edge_count() as u64);
         let mut everywhere = Tile::lone(DVec3::ZERO, None);
         everywhere.radius = f64::INFINITY;
-        self.collect(&everywhere, &mut scratch, out);
+        for group in 0..self.groups() as u32 {
+            scratch.hits.clear();
+            scratch.hits.extend(self.group_edges(group));
+            self.collect(group, &everywhere, &mut scratch, out);
+        }
+        (out.nodes_tested, out.edges_tested) = (0, self.edge_count() as u64);
         out.scratch = scratch;
     }
 
     #[inline(always)]
-    fn search_inline(&self, tile: &Tile<'_>, out: &mut Candidates) {
+    fn search_inline(&self, group: u32, tile: &Tile<'_>, most: usize, out: &mut Candidates) -> usize {
         let query = Query::new(tile);
-        out.clear(self);
         let mut scratch = std::mem::take(&mut out.scratch);
-        scratch.exclude(self, tile);
-        let [nodes, edges] = self.balanced_hits(&query, &mut scratch);
-        let unbalanced = self.unbalanced_hits(&query, &mut scratch);
-        (out.nodes_tested, out.edges_tested) = (nodes + unbalanced, edges);
-        self.collect(tile, &mut scratch, out);
-        scratch.readmit(self, tile);
+        scratch.exclude(self, group, tile);
+        let searched = &self.groups[group as usize];
+        let [nodes, edges] = searched.balanced_hits(&query, &mut scratch);
+        let unbalanced = searched.unbalanced_hits(&query, &mut scratch);
+        out.nodes_tested += nodes + unbalanced;
+        out.edges_tested += edges;
+        let count = scratch.hits.len();
+        if count <= most {
+            self.collect(group, tile, &mut scratch, out);
+        }
         out.scratch = scratch;
+        count
     }
+}
 
+impl Group {
     /// Appends the edges of the balanced tree to the hits. Returns the numbers of bounds and of edges tested.
     #[inline(always)]
     fn balanced_hits(&self, query: &Query, scratch: &mut Scratch) -> [u64; 2] {
@@ -125,7 +167,7 @@ impl DualBvh {
             let hits = &mut hits[found..found + WIDTH];
             let mut next = 0;
             for j in 0..WIDTH {
-                hits[next] = (WIDTH * hit.leaf as usize + j) as u32;
+                hits[next] = self.first + (WIDTH * hit.leaf as usize + j) as u32;
                 next += (kept >> j & 1) as usize;
             }
             found += next;
@@ -138,11 +180,11 @@ impl DualBvh {
     #[inline(always)]
     fn unbalanced_hits(&self, query: &Query, scratch: &mut Scratch) -> u64 {
         let Scratch { nodes, children, hits, excluded, .. } = scratch;
-        let first = self.balanced.edges;
+        let before = self.balanced.edges;
         let mut append = |edges: Range<usize>| {
-            for edge in first + edges.start..first + edges.end {
+            for edge in before + edges.start..before + edges.end {
                 if excluded.get(edge / 8).is_none_or(|bits| bits >> (edge % 8) & 1 == 0) {
-                    hits.push(edge as u32);
+                    hits.push(self.first + edge as u32);
                 }
             }
         };
@@ -153,10 +195,6 @@ impl DualBvh {
         descend::<false>(&self.unbalanced, query, nodes, children, |_, _, leaf, _| {
             append(self.unbalanced.edges_below(0, leaf as usize));
         })
-    }
-
-    fn edges_of(&self, faces: &[u32]) -> impl Iterator<Item = u32> {
-        faces.iter().filter_map(|&face| self.edges.of_faces.get(face as usize)).flatten().copied()
     }
 }
 
@@ -232,7 +270,10 @@ mod tests {
             let normal = (i % 2 == 0).then_some(DVec3::Z);
             let tile = Tile::new([(p, normal), (p + 0.01 * f64::from(i), normal)].into_iter());
             tree.search(&tile, &mut candidates);
-            tree.search_inline(&tile, &mut portable);
+            tree.begin(&tile, &mut portable);
+            for group in 0..tree.groups() as u32 {
+                tree.search_inline(group, &tile, usize::MAX, &mut portable);
+            }
             assert!(!candidates.edges().is_empty());
             assert_eq!(candidates.edges(), portable.edges());
             assert_eq!(candidates.incidences(), portable.incidences());
@@ -240,7 +281,7 @@ mod tests {
             assert_eq!(candidates.faces(), portable.faces());
             assert_eq!(candidates.nodes_tested(), portable.nodes_tested());
             candidates.contours(p, &[3, 4], &mut contours);
-            portable.contours_inline(p, &[3, 4], &mut portable_contours);
+            portable.contours_inline(portable.parts(), p, &[3, 4], &mut portable_contours);
             assert_eq!(contours.signs(), portable_contours.signs());
             assert_eq!(contours.edges(), portable_contours.edges());
         }

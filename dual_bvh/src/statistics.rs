@@ -11,6 +11,8 @@ pub struct Statistics {
     pub vertices: usize,
     /// Faces.
     pub faces: usize,
+    /// Groups of bodies.
+    pub groups: usize,
     /// Edges.
     pub edges: usize,
     /// Edges with one face.
@@ -42,19 +44,20 @@ pub struct Statistics {
 impl DualBvh {
     /// Counts what the tree holds.
     pub fn statistics(&self) -> Statistics {
-        let trees = [&self.balanced, &self.unbalanced];
-        let nodes: usize = trees.iter().flat_map(|tree| &tree.levels).map(Vec::len).sum();
-        let leaves: usize = trees.iter().map(|tree| tree.edges.div_ceil(WIDTH)).sum();
-        let roots = trees.iter().filter(|tree| !tree.levels.is_empty()).count();
+        let trees = || self.groups.iter().flat_map(|group| [&group.balanced, &group.unbalanced]);
+        let nodes: usize = trees().flat_map(|tree| &tree.levels).map(Vec::len).sum();
+        let leaves: usize = trees().map(|tree| tree.edges.div_ceil(WIDTH)).sum();
+        let roots = trees().filter(|tree| !tree.levels.is_empty()).count();
         let mut statistics = Statistics {
             vertices: self.positions.len(),
             faces: self.triangles.len(),
+            groups: self.groups(),
             edges: self.edge_count(),
             nodes,
             leaves,
-            height: trees.map(|tree| tree.levels.len()).into_iter().max().unwrap_or_default(),
-            node_bytes: trees.map(Tree::node_bytes).iter().sum(),
-            leaf_bytes: trees.map(Tree::leaf_bytes).iter().sum(),
+            height: trees().map(|tree| tree.levels.len()).max().unwrap_or_default(),
+            node_bytes: trees().map(Tree::node_bytes).sum(),
+            leaf_bytes: trees().map(Tree::leaf_bytes).sum(),
             edge_bytes: self.edges.bytes(),
             ..Statistics::default()
         };
@@ -86,7 +89,7 @@ impl Statistics {
 impl fmt::Display for Statistics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let each = |bytes: usize| bytes as f64 / self.edges.max(1) as f64;
-        writeln!(f, "mesh     {} vertices, {} faces", self.vertices, self.faces)?;
+        writeln!(f, "mesh     {} vertices, {} faces, {} groups", self.vertices, self.faces, self.groups)?;
         writeln!(
             f,
             "edges    {}: {} regular, {} border, {} twisted, {} fans of up to {} faces",

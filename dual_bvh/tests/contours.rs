@@ -5,7 +5,7 @@ mod meshes;
 
 use std::collections::BTreeMap;
 
-use dual_bvh::{Candidates, Contours, DualBvh, Tile, brute_force};
+use dual_bvh::{BuildOptions, Candidates, Contours, DualBvh, Tile, brute_force};
 use glam::{DVec3, Vec3, dvec3};
 use meshes::{Mesh, Uniform};
 use proptest::prelude::*;
@@ -212,4 +212,57 @@ fn a_sphere_shows_one_loop_and_a_plane_its_border() {
     let candidates = search(&mesh.tree(), &Tile::lone(dvec3(0.1, 0.2, 3.0), None));
     assert_eq!(candidates.edges().len(), 16);
     assert_eq!(contours(&candidates, dvec3(0.1, 0.2, 3.0), &[]), brute(&mesh, dvec3(0.1, 0.2, 3.0), &[]));
+}
+
+/// Groups are searched alone, in any order, and again for a part of the tile.
+#[test]
+fn groups_together_have_the_contours_of_all() {
+    let mesh = meshes::knots(30, 6);
+    let mut options = BuildOptions::default();
+    options.group_faces = 300;
+    let tree = mesh.tree_with(&options);
+    assert_eq!(tree.check(), Ok(()));
+    assert!(tree.groups() > 20 && tree.group_boxes().len() > 2);
+    let one = mesh.tree_with(&{
+        options.group_faces = usize::MAX;
+        options
+    });
+    assert_eq!((one.groups(), one.edge_count()), (1, tree.edge_count()));
+    let receiver = dvec3(0.4, 1.3, 0.2);
+    let excluded = [5, 700, 701, 5000];
+    let tile = Tile::new([(receiver, None), (receiver + 0.2, None)].into_iter()).with_faces(&excluded);
+    let expected = brute(&mesh, receiver, &excluded);
+    assert_eq!(contours(&search(&tree, &tile), receiver, &excluded), expected);
+    assert_eq!(contours(&search(&one, &tile), receiver, &excluded), expected);
+
+    let mut candidates = Candidates::default();
+    tree.begin(&tile, &mut candidates);
+    (0..tree.groups() as u32).rev().for_each(|group| tree.search_group(group, &tile, &mut candidates));
+    assert_eq!(contours(&candidates, receiver, &excluded), expected);
+    let lone = Tile::lone(receiver, None).with_faces(&excluded[1..3]);
+    for group in 0..tree.groups() as u32 {
+        let found = |candidates: &Candidates| {
+            let mut out = Contours::default();
+            candidates.contours_in(candidates.part(group).unwrap(), receiver, &excluded[1..3], &mut out);
+            let ends = |contour: &dual_bvh::Contour| {
+                let edge = candidates.edges()[contour.edge as usize];
+                assert!(candidates.part(group).unwrap().vertices.contains(&(edge.a as usize)));
+                ([edge.a, edge.b].map(|end| candidates.vertices()[end as usize]), contour.jump)
+            };
+            let mut found: Found = out.edges().iter().map(ends).collect();
+            found.sort_unstable();
+            found
+        };
+        let shared = found(&candidates);
+        let before = candidates.part(group).unwrap().edges.len();
+        tree.search_group(group, &lone, &mut candidates);
+        assert_eq!(found(&candidates), shared);
+        let count = candidates.part(group).unwrap().edges.len();
+        assert!(count <= before);
+        let parts = candidates.parts().len();
+        assert_eq!(tree.search_few(group, &lone, count - 1, &mut candidates), count);
+        assert_eq!(candidates.parts().len(), parts);
+        assert_eq!(tree.search_few(group, &lone, count, &mut candidates), count);
+        assert_eq!(candidates.parts().len(), parts + 1);
+    }
 }

@@ -59,6 +59,8 @@ pub(super) struct Counts {
     pub(super) below_horizon: u64,
     /// Contours between two isolines.
     pub(super) between_isolines: u64,
+    /// Groups of bodies that were not looked at because they are hidden.
+    pub(super) hidden_bodies: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -71,6 +73,7 @@ impl std::ops::AddAssign for Counts {
         self.shared_searches += other.shared_searches;
         self.below_horizon += other.below_horizon;
         self.between_isolines += other.between_isolines;
+        self.hidden_bodies += other.hidden_bodies;
     }
 }
 
@@ -127,6 +130,7 @@ pub(super) fn run<B: Baker>(
         ("shared_searches", counts.shared_searches),
         ("contours_below_horizon", counts.below_horizon),
         ("contours_between_isolines", counts.between_isolines),
+        ("hidden_bodies", counts.hidden_bodies),
     ];
     let statistics = Statistics {
         receivers: solved,

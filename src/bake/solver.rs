@@ -127,7 +127,6 @@ impl<'a> Solver<'a> {
     /// Everything asked for at one receiver of the tile that `memory.view` approached.
     fn receiver(&self, index: usize, receiver: Receiver, row: &mut [f64], memory: &mut Memory) -> Result<Counts> {
         let mut counts = Counts::default();
-        self.viewer.find(receiver, &mut memory.view);
         // On an edge that is not its own the receiver sees that edge in all directions of a half circle, which the contours
         // do not tell.
         let first = if self.is_on_foreign_edge(receiver) { self.attempts().len() - 1 } else { 0 };
@@ -204,6 +203,7 @@ impl<'a> Solver<'a> {
         counts.contours = contours.above as u64;
         counts.below_horizon = contours.below as u64;
         counts.between_isolines = contours.between as u64;
+        counts.hidden_bodies = contours.hidden as u64;
         counts.open += u64::from(sight == Sight::Open);
         counts.enclosed += u64::from(sight == Sight::Enclosed);
         seen.visibility.clear();
@@ -239,7 +239,7 @@ impl<'a> Solver<'a> {
         let Memory { view, light: moments, seen, .. } = memory;
         let frame = Frame::facing(receiver.normal, rank);
         moments.clear(table);
-        self.viewer.project(receiver, view);
+        self.viewer.face(receiver, view);
         counts.contours = view.contours().arcs.len() as u64;
         let sight = self.viewer.follow(isolines, frame, receiver, view, |interval| {
             moments.add(table, frame.axis(), interval);
@@ -260,7 +260,7 @@ impl<'a> Solver<'a> {
     /// Solves exactly; returns whether an alarm fired.
     fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let Memory { view, seen, gradients, .. } = memory;
-        self.viewer.project(receiver, view);
+        self.viewer.face(receiver, view);
         counts.contours = view.contours().arcs.len() as u64;
         let has_contours = !view.contours().arcs.is_empty();
         let region = self.viewer.solve(frame, receiver, view);
@@ -380,6 +380,10 @@ impl Baker for Solver<'_> {
             } else {
                 let all_around = receivers.clone().map(|receiver| Receiver { normal: None, ..receiver });
                 self.viewer.approach(all_around, &mut memory.view);
+            }
+            if self.assembly.textured.is_some() {
+                // It needs all contours.
+                self.viewer.search(&mut memory.view);
             }
             counts.shared_searches += tile.len() as u64 - 1;
             for ((&index, receiver), row) in tile.iter().zip(receivers).zip(rows.chunks_exact_mut(self.layout.width)) {

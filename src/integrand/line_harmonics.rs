@@ -111,7 +111,11 @@ impl LineHarmonics {
         for (line, waves) in self.waves.chunks_exact(bands).enumerate() {
             let (mut even, mut odd, mut latitude) = ([0.0; W], [0.0; W], 0.0);
             let mut sign = -1.0;
-            for end in spans.of(line) {
+            let ends = spans.of(line);
+            if ends.is_empty() {
+                continue;
+            }
+            for end in ends {
                 let (v, c) = (moments.sines[end], moments.cosines[end]);
                 let mut power = sign;
                 for j in 0..W {

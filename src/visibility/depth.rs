@@ -58,26 +58,32 @@ fn covers(faces: &FaceTree, isolines: &Isolines, frame: Frame, position: DVec3, 
     here + (-total).max(0)
 }
 
-/// Counts the depth complexity W where the meridians start, by a ray that counts every face once.
+/// Calls `covers` with the faces that cover the start of the meridians, and how often each does, found by a ray that looks at every
+/// face once: their sum is the depth complexity W there.
 ///
 /// A face covers the start if the isolines leave it once more often than they enter it, on whichever of them: decided with
 /// the very predicates and signs that the contours use, as in [`count_on_spine`].
-pub(super) fn count_at_start(
+pub(super) fn faces_at_start(
     faces: &FaceTree,
     meridians: &Meridians,
     frame: MeridianFrame,
     position: DVec3,
     excluded: &[u32],
-) -> i32 {
+    mut covers: impl FnMut(u32, i32),
+) {
     let lines = meridians.len();
-    let mut depth = 0;
     faces.visit(position, frame.start(), |face| {
         if !excluded.contains(&face) {
             let vertices = faces.vertices(face);
             let [a, b, c] = faces.corners(face);
             let sign = i32::from(face_sign(position, a, b, c));
             let corners = [a, b, c].map(|x| x.as_dvec3());
-            let places = corners.map(|x| place(frame.apply(x - position), lines));
+            let [u, v, w] = corners.map(|x| frame.apply(x - position));
+            if are_beside_axis(u.x, v.x, w.x) || are_beside_axis(u.y, v.y, w.y) {
+                // Seen from one side of the axis, whatever the rounding, no face lies around it.
+                return ControlFlow::Continue(());
+            }
+            let places = [place(u, lines), place(v, lines), place(w, lines)];
             let mut total = 0;
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
@@ -85,11 +91,19 @@ pub(super) fn count_at_start(
                 let way = Way::new(places[a], places[b], lines as i32, plane);
                 total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
             }
-            depth += (-total).max(0);
+            if total < 0 {
+                covers(face, -total);
+            }
         }
         ControlFlow::Continue(())
     });
-    depth
+}
+
+/// Whether three coordinates have one sign, and none is much smaller than the others.
+fn are_beside_axis(a: f64, b: f64, c: f64) -> bool {
+    const MARGIN: f64 = 1e-6;
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    low > MARGIN * high || high < MARGIN * low
 }
 
 /// Counts the depth complexity W in a direction that meets no edge, by a ray that counts every face once.

@@ -8,6 +8,7 @@ mod isolines;
 mod meridians;
 mod skips;
 mod sweep;
+mod trace;
 mod view;
 
 pub use contours::{Arc, ReceiverContours};

@@ -12,6 +12,8 @@ pub struct Skips {
     pub enclosed_receivers: bool,
     /// Contours between two isolines are not placed on their circles.
     pub between_isolines: bool,
+    /// Groups of bodies of which nothing can be seen along the isolines are not looked at, nor searched.
+    pub hidden_bodies: bool,
 }
 
 impl Skips {
@@ -22,10 +24,11 @@ impl Skips {
         open_receivers: false,
         enclosed_receivers: false,
         between_isolines: false,
+        hidden_bodies: false,
     };
 
     /// For each kind of work its name, and everything left out but that.
-    pub fn each() -> [(&'static str, Self); 5] {
+    pub fn each() -> [(&'static str, Self); 6] {
         let all = Self::default();
         [
             ("below_horizon", Self { below_horizon: false, ..all }),
@@ -33,6 +36,7 @@ impl Skips {
             ("open_receivers", Self { open_receivers: false, ..all }),
             ("enclosed_receivers", Self { enclosed_receivers: false, ..all }),
             ("between_isolines", Self { between_isolines: false, ..all }),
+            ("hidden_bodies", Self { hidden_bodies: false, ..all }),
         ]
     }
 }
@@ -45,6 +49,7 @@ impl Default for Skips {
             open_receivers: true,
             enclosed_receivers: true,
             between_isolines: true,
+            hidden_bodies: true,
         }
     }
 }

@@ -2,10 +2,11 @@ use dual_bvh::{Candidates, Contours, DualBvh, Tile};
 use glam::DVec3;
 
 use super::crossings::Crossings;
-use super::depth::{count_along, count_at_start, count_on_spine};
+use super::depth::{count_along, count_on_spine};
 use super::exact::{self, Region};
-use super::meridians::{self, Outlook};
+use super::meridians::Outlook;
 use super::sweep::{Interval, Sweep, base_line, sweep};
+use super::trace::{Look, Tracer};
 use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Skips, Spans};
 use crate::scene::FaceTree;
 
@@ -44,12 +45,15 @@ pub enum Sight {
 #[derive(Default)]
 pub struct View {
     excluded: Vec<u32>,
+    /// The tile approached, without the faces it excludes.
+    tile: Option<Tile<'static>>,
+    /// Whether all groups have been searched for it, one after another.
+    is_searched: bool,
     candidates: Candidates,
     contours: Contours,
     projected: ReceiverContours,
     crossings: Crossings,
-    meridian_crossings: meridians::Crossings,
-    spans: Spans,
+    tracer: Tracer,
     exact: exact::Scratch,
 }
 
@@ -61,12 +65,17 @@ impl View {
 
     /// The visible spans of the last receiver that was looked at along meridians.
     pub fn spans(&self) -> &Spans {
-        &self.spans
+        self.tracer.spans()
     }
 
     /// What became of that receiver's contours.
     pub fn counts(&self) -> Counts {
-        self.meridian_crossings.counts()
+        self.tracer.counts()
+    }
+
+    #[cfg(test)]
+    pub(super) fn tracer(&mut self) -> &mut Tracer {
+        &mut self.tracer
     }
 
     /// The visible region that was last solved.
@@ -76,16 +85,30 @@ impl View {
 }
 
 impl Viewer<'_> {
-    /// Searches the edges that may be contours for any of the `receivers`, neighbours of each other.
+    /// Comes near to the `receivers`, neighbours of each other, who share the search for contours: it is made when it is needed, and
+    /// as far as it is.
     pub fn approach<'r>(&self, receivers: impl Iterator<Item = Receiver<'r>> + Clone, view: &mut View) {
         view.excluded.clear();
         view.excluded.extend(receivers.clone().flat_map(|r| r.excluded));
-        let tile = Tile::new(receivers.map(|r| (r.position, r.normal))).with_faces(&view.excluded);
-        self.edges.search(&tile, &mut view.candidates);
+        view.tracer.begin(self.edges, receivers.clone().count());
+        let tile = Tile::new(receivers.map(|r| (r.position, r.normal)));
+        view.tile = Some(tile);
+        view.is_searched = false;
+        self.edges.begin(&tile.with_faces(&view.excluded), &mut view.candidates);
     }
 
-    /// Finds the contours of a receiver among those approached: the first step of every way to see.
+    /// Searches all edges that may be contours for any of the receivers approached.
+    pub fn search(&self, view: &mut View) {
+        if let (Some(tile), false) = (view.tile, view.is_searched) {
+            // Also what has been searched already, so that the order is always the same.
+            self.edges.search(&tile.with_faces(&view.excluded), &mut view.candidates);
+            view.is_searched = true;
+        }
+    }
+
+    /// Finds all contours of a receiver among those approached.
     pub fn find(&self, receiver: Receiver, view: &mut View) {
+        self.search(view);
         view.candidates.contours(receiver.position, receiver.excluded, &mut view.contours);
     }
 
@@ -100,7 +123,7 @@ impl Viewer<'_> {
         self.project(receiver, view);
     }
 
-    /// What the receiver whose contours were just found sees along the meridians: the [`View::spans`], if it sees a part.
+    /// What a receiver among those approached sees along the meridians: the [`View::spans`], if it sees a part.
     pub fn trace(
         &self,
         meridians: &Meridians,
@@ -110,21 +133,21 @@ impl Viewer<'_> {
         view: &mut View,
     ) -> Sight {
         let Receiver { position, normal, excluded } = receiver;
-        let View { candidates, contours, meridian_crossings: crossings, spans, .. } = view;
         let outlook = Outlook { meridians, frame, position, normal };
-        crossings.choose(outlook, candidates, contours, !skips.between_isolines);
-        let depth = count_at_start(self.faces, meridians, frame, position, excluded);
-        let sight = match (crossings.counts().above, depth) {
-            (0, 0) => Some((Sight::Open, skips.open_receivers)),
-            (0, _) => Some((Sight::Enclosed, skips.enclosed_receivers)),
-            _ => None,
-        };
-        if let Some((sight, true)) = sight {
-            return sight;
+        if view.tile.is_none() {
+            self.approach(std::iter::once(receiver), view);
         }
-        crossings.cross(outlook, candidates);
-        let sweep = meridians::sweep(outlook, crossings, depth, spans);
-        sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
+        let tile = view.tile.unwrap_or(Tile::lone(position, normal)).with_faces(&view.excluded);
+        let look = Look {
+            edges: self.edges,
+            faces: self.faces,
+            outlook,
+            excluded,
+            tile,
+            is_searched: view.is_searched,
+            skips,
+        };
+        view.tracer.trace(look, &mut view.candidates, &mut view.contours)
     }
 
     /// What the receiver just faced sees along the isolines: their visible intervals.
@@ -170,7 +193,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::visibility::cycle;
+    use crate::visibility::{cycle, meridians};
 
     const CORNERS: [DVec3; 5] = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
 
@@ -246,12 +269,16 @@ mod tests {
         let Receiver { position, normal, .. } = receiver;
         let outlook = Outlook { meridians, frame, position, normal };
         let (mut one, mut other) = (meridians::Crossings::default(), meridians::Crossings::default());
-        one.choose(outlook, &view.candidates, &view.contours, false);
-        one.cross(outlook, &view.candidates);
-        other.choose_inline(outlook, &view.candidates, &view.contours, false);
-        other.cross_inline(outlook, &view.candidates);
-        assert!((0..meridians.len()).all(|line| one.along(line) == other.along(line)));
-        assert_eq!(one.counts(), other.counts());
+        let mut contours = Contours::default();
+        for part in view.candidates.parts() {
+            view.candidates.contours_in(part, position, receiver.excluded, &mut contours);
+            one.choose(outlook, &view.candidates, part, &contours, false);
+            one.cross(outlook, &view.candidates);
+            other.choose_inline(outlook, &view.candidates, part, &contours, false);
+            other.cross_inline(outlook, &view.candidates);
+            assert!((0..meridians.len()).all(|line| one.sorted(line) == other.sorted(line)));
+            assert_eq!(one.counts(), other.counts());
+        }
     }
 
     /// Compares the spans with counted rays at points of every meridian.

@@ -1,6 +1,7 @@
+use std::cmp::Ordering;
 use std::ops::Range;
 
-use dual_bvh::{Candidates, Contours};
+use dual_bvh::{Candidates, Contours, Part};
 use glam::DVec3;
 
 use super::vertices::{BELOW, fill};
@@ -68,14 +69,16 @@ struct Piece {
     most: f64,
 }
 
-/// All crossings of one receiver's contours with the isolines, sorted along each.
+/// All crossings of one receiver's contours in one group with the isolines.
 #[derive(Clone, Debug, Default)]
 pub(in crate::visibility) struct Crossings {
     /// Of the candidates' vertices.
     places: Vec<i32>,
     chords: Vec<Chord>,
     pieces: Vec<Piece>,
-    /// Number of crossings before each isoline, with an end mark.
+    /// Isolines outside of this range are not crossed.
+    lines: Range<usize>,
+    /// Number of crossings before each isoline of the range, with an end mark; zero outside.
     starts: Vec<u32>,
     next: Vec<u32>,
     keys: Vec<i64>,
@@ -91,6 +94,17 @@ pub struct Counts {
     pub below: usize,
     /// Of those above, the ones that lie between two isolines.
     pub between: usize,
+    /// Groups of bodies whose contours were not looked at because nothing of them can be seen along the isolines.
+    pub hidden: usize,
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.above += other.above;
+        self.below += other.below;
+        self.between += other.between;
+        self.hidden += other.hidden;
+    }
 }
 
 /// Bound of the tangents: cosines of 1e-9, whose squares are lost beside 1.
@@ -128,26 +142,40 @@ pub(in crate::visibility) struct Outlook<'a> {
 }
 
 impl Crossings {
-    /// Places the contours between the isolines and keeps those that cross some; with `between`, the others too.
+    /// Forgets all contours.
+    pub(in crate::visibility) fn clear(&mut self) {
+        self.chords.clear();
+        self.counts = Counts::default();
+    }
+
+    /// Places the contours of a group between the isolines and adds those that cross some; with `between`, the others too.
     pub(in crate::visibility) fn choose(
         &mut self,
         outlook: Outlook,
         candidates: &Candidates,
+        part: &Part,
         contours: &Contours,
         between: bool,
     ) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.choose_avx2(outlook, candidates, contours, between) };
+            return unsafe { self.choose_avx2(outlook, candidates, part, contours, between) };
         }
-        self.choose_inline(outlook, candidates, contours, between);
+        self.choose_inline(outlook, candidates, part, contours, between);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn choose_avx2(&mut self, outlook: Outlook, candidates: &Candidates, contours: &Contours, between: bool) {
-        self.choose_inline(outlook, candidates, contours, between);
+    fn choose_avx2(
+        &mut self,
+        outlook: Outlook,
+        candidates: &Candidates,
+        part: &Part,
+        contours: &Contours,
+        between: bool,
+    ) {
+        self.choose_inline(outlook, candidates, part, contours, between);
     }
 
     #[inline(always)]
@@ -155,11 +183,32 @@ impl Crossings {
         &mut self,
         outlook: Outlook,
         candidates: &Candidates,
+        part: &Part,
         contours: &Contours,
         between: bool,
     ) {
-        fill(&mut self.places, candidates, outlook);
+        fill(&mut self.places, candidates, part, contours, outlook);
         self.keep(candidates, contours, between);
+    }
+
+    /// Drops the contours that cross no open isoline; `open` has the number of open ones before each, twice around.
+    pub(in crate::visibility) fn drop_covered(&mut self, open: &[u32], lines: usize) {
+        let (places, chords) = (&*self.places, &mut self.chords);
+        let mut count = 0;
+        for i in 0..chords.len() {
+            let chord = chords[i];
+            let [a, b] = [chord.a, chord.b].map(|vertex| (places[vertex as usize] & !BELOW) as usize);
+            let ahead = if b >= a { b - a } else { b + lines - a };
+            // Of two ways of the same length both are looked at.
+            let (first, last) = match (2 * ahead).cmp(&lines) {
+                Ordering::Less => (a, a + ahead),
+                Ordering::Equal => (0, lines),
+                Ordering::Greater => (b, b + lines - ahead),
+            };
+            chords[count] = chord;
+            count += usize::from(open[first] != open[last]);
+        }
+        chords.truncate(count);
     }
 
     /// Crosses the contours that were chosen with the isolines.
@@ -180,10 +229,20 @@ impl Crossings {
 
     #[inline(always)]
     pub(in crate::visibility) fn cross_inline(&mut self, outlook: Outlook, candidates: &Candidates) {
+        let lines = outlook.meridians.len();
         self.pieces.clear();
-        self.starts.clear();
-        self.starts.resize(outlook.meridians.len() + 1, 0);
+        if self.starts.len() == lines + 1 {
+            self.starts[self.lines.start..=self.lines.end].fill(0);
+        } else {
+            self.starts.clear();
+            self.starts.resize(lines + 1, 0);
+            self.next.resize(lines + 1, 0);
+        }
+        self.lines = lines..0;
         self.circles(outlook, candidates);
+        if self.lines.is_empty() {
+            self.lines = 0..0;
+        }
         self.bucket(outlook.meridians);
     }
 
@@ -192,22 +251,24 @@ impl Crossings {
     fn keep(&mut self, candidates: &Candidates, contours: &Contours, between: bool) {
         let (edges, contours) = (candidates.edges(), contours.edges());
         let places = &*self.places;
-        self.chords.resize(contours.len() + 1, Chord::default());
-        let (mut count, mut hidden, mut crossing) = (0, 0, 0);
+        let old = self.chords.len();
+        self.chords.resize(old + contours.len() + 1, Chord::default());
+        let chords = &mut self.chords[old..];
+        let (mut count, mut below, mut crossing) = (0, 0, 0);
         for contour in contours {
             let edge = &edges[contour.edge as usize];
             let (a, b) = (places[edge.a as usize], places[edge.b as usize]);
             let is_below = a & b & BELOW != 0;
             // All are written, those that cross stay: which they are is hard to predict.
-            self.chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
+            chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
             let crosses = ((a ^ b) & !BELOW != 0) & !is_below;
             count += usize::from(crosses | between);
             crossing += usize::from(crosses);
-            hidden += usize::from(is_below);
+            below += usize::from(is_below);
         }
-        self.chords.truncate(count);
-        let above = contours.len() - hidden;
-        self.counts = Counts { above, below: hidden, between: above - crossing };
+        self.chords.truncate(old + count);
+        let above = contours.len() - below;
+        self.counts += Counts { above, below, between: above - crossing, hidden: 0 };
     }
 
     /// The circles of all chords, four at a time.
@@ -255,25 +316,28 @@ impl Crossings {
                     self.pieces.push(circles.piece(lane, ways[lane], jump));
                     // Differences now, counts after the running sum in `bucket`.
                     for run in ways[lane].runs(lines) {
-                        self.starts[run.start] = self.starts[run.start].wrapping_add(1);
-                        self.starts[run.end] = self.starts[run.end].wrapping_sub(1);
+                        if !run.is_empty() {
+                            self.starts[run.start] = self.starts[run.start].wrapping_add(1);
+                            self.starts[run.end] = self.starts[run.end].wrapping_sub(1);
+                            self.lines = self.lines.start.min(run.start)..self.lines.end.max(run.end);
+                        }
                     }
                 }
             }
         }
     }
 
-    /// Sorts the crossings of all pieces into their isolines.
+    /// Puts the crossings of all pieces to their isolines.
     #[inline(always)]
     fn bucket(&mut self, meridians: &Meridians) {
+        let range = self.lines.start..self.lines.end + 1;
         let (mut running, mut total) = (0u32, 0u32);
-        for start in &mut self.starts {
+        for start in &mut self.starts[range.clone()] {
             running = running.wrapping_add(*start);
             *start = total;
             total += running;
         }
-        self.next.clear();
-        self.next.extend_from_slice(&self.starts);
+        self.next[range.clone()].copy_from_slice(&self.starts[range]);
         if self.keys.len() < total as usize {
             self.keys.resize(total as usize, 0);
         }
@@ -288,17 +352,23 @@ impl Crossings {
                 }
             }
         }
-        for line in 0..meridians.len() {
-            let range = self.starts[line] as usize..self.starts[line + 1] as usize;
-            if range.len() > 1 {
-                self.keys[range].sort_unstable();
-            }
-        }
     }
 
-    /// Sorted crossings of one isoline; take each apart with [`crossing`].
-    pub(in crate::visibility) fn along(&self, line: usize) -> &[i64] {
-        &self.keys[self.starts[line] as usize..self.starts[line + 1] as usize]
+    /// Isolines outside of this range are not crossed.
+    pub(in crate::visibility) fn lines(&self) -> Range<usize> {
+        self.lines.clone()
+    }
+
+    /// The crossings of one isoline, which are now sorted; take each apart with [`crossing`].
+    pub(in crate::visibility) fn sorted(&mut self, line: usize) -> &[i64] {
+        if !self.lines.contains(&line) {
+            return &[];
+        }
+        let keys = &mut self.keys[self.starts[line] as usize..self.starts[line + 1] as usize];
+        if keys.len() > 1 {
+            keys.sort_unstable();
+        }
+        keys
     }
 
     /// What became of the contours.

@@ -1,6 +1,8 @@
 //! The isolines of an equal-area chart, for what needs no table of light.
 
 mod crossings;
+mod front;
+mod gaps;
 mod sweep;
 mod vertices;
 
@@ -12,8 +14,10 @@ use crate::{Error, Result};
 
 pub use crossings::Counts;
 pub(super) use crossings::{Crossings, Outlook, Way};
+pub(super) use front::{Front, distance_squared};
+pub(super) use gaps::Gaps;
 pub use sweep::Spans;
-pub(super) use sweep::sweep;
+pub(super) use sweep::{horizons, sweep};
 pub(super) use vertices::place;
 
 /// Isolines of longitude: half great circles from one pole to the opposite one.

@@ -1,4 +1,3 @@
-use super::IN_HORIZON;
 use super::crossings::{Crossings, FARTHEST, Outlook, crossing};
 use crate::visibility::Sweep;
 
@@ -25,6 +24,35 @@ impl Spans {
         spans
     }
 
+    pub(super) fn clear(&mut self) {
+        self.starts.clear();
+        self.ends.clear();
+    }
+
+    /// What is added from now on belongs to the next isoline.
+    pub(super) fn begin_line(&mut self) {
+        self.starts.push(self.ends.len() as u32);
+    }
+
+    /// Adds a part beyond all others of its isoline, unless it is a tie; returns whether it is none. Parts without anything between
+    /// them become one.
+    #[inline(always)]
+    pub(super) fn add(&mut self, from: f64, to: f64) -> bool {
+        let is_apart = are_apart(from, to);
+        if is_apart {
+            let first = self.starts.last().map_or(0, |&start| start as usize);
+            match self.ends[first..].last_mut() {
+                Some(last) if *last == from => *last = to,
+                _ => self.ends.extend([from, to]),
+            }
+        }
+        is_apart
+    }
+
+    pub(super) fn end(&mut self) {
+        self.begin_line();
+    }
+
     /// Tangents of the latitudes where visible spans begin and end, for all isolines one after another.
     pub fn ends(&self) -> &[f64] {
         &self.ends
@@ -36,59 +64,75 @@ impl Spans {
     }
 }
 
-/// Negative depth complexity over less than this angle is two crossings at one place sorted by their rounding errors; a wrong
-/// base or a lost edge shows over whole spans.
+/// Crossings within this angle of each other may have been sorted by their rounding errors, and W between them may be wrong by
+/// one or the other surface: nothing is seen there, nor is it an alarm if W is negative. A wrong base or a lost edge shows over
+/// whole spans.
 const TIE: f64 = 1e-9;
 
-/// Follows the depth complexity W along every isoline, from `depth` at its start down to the horizon, if there is one, and notes
+/// Follows the depth complexity W along every isoline, from `depth` at its start down to the [horizon](horizons), if there is one, and notes
 /// where nothing is crossed.
 ///
 /// Nowrouzezahrai et al. 2014, section 3.2, with W known from the start instead of shifted to a minimum of zero.
-pub(in crate::visibility) fn sweep(outlook: Outlook, crossings: &Crossings, depth: i32, spans: &mut Spans) -> Sweep {
-    let Outlook { meridians, frame, normal, .. } = outlook;
-    let Spans { starts, ends } = spans;
-    starts.clear();
-    ends.clear();
-    let mut seen = Sweep { lines: meridians.len(), depth_alarms: 0 };
+pub(in crate::visibility) fn sweep(
+    outlook: Outlook,
+    crossings: &mut Crossings,
+    depth: i32,
+    horizons: &[f64],
+    spans: &mut Spans,
+) -> Sweep {
+    spans.clear();
+    let mut seen = Sweep { lines: outlook.meridians.len(), depth_alarms: 0 };
     let mut last = None;
-    let normal = normal.map(|n| frame.apply(n));
-    for (line, (cos, sin)) in meridians.cos.iter().zip(&meridians.sin).enumerate() {
-        starts.push(ends.len() as u32);
-        let horizon = normal.map_or(Spans::POLE, |n| (n.x * cos + n.y * sin) / -n.z);
-        let (end, is_below) = follow(crossings.along(line), depth, horizon, ends);
+    for (line, &horizon) in horizons.iter().enumerate() {
+        spans.begin_line();
+        let mut is_below = false;
+        let end = follow(crossings.sorted(line), depth, horizon, |from, to, depth| {
+            is_below |= spans.add(from, to) && depth < 0;
+        });
         // Whatever an isoline passes on its way around, all end in the same direction.
-        let differs = normal.is_none() && *last.get_or_insert(end) != end;
+        let differs = outlook.normal.is_none() && *last.get_or_insert(end) != end;
         seen.depth_alarms += usize::from(is_below || differs);
     }
-    starts.push(ends.len() as u32);
+    spans.end();
     seen
 }
 
-/// Follows W along one isoline up to `end`; returns W there, and whether it fell below zero over more than a tie.
+/// Tangents of the latitudes where the isolines meet the horizon, or end.
+pub(in crate::visibility) fn horizons(outlook: Outlook, out: &mut Vec<f64>) {
+    let Outlook { meridians, frame, normal, .. } = outlook;
+    let lines = meridians.len();
+    out.resize(lines, 0.0);
+    let Some(n) = normal.map(|n| frame.apply(n)) else { return out.fill(Spans::POLE) };
+    let (cos, sin) = (&meridians.cos[..lines], &meridians.sin[..lines]);
+    for (line, out) in out.iter_mut().enumerate() {
+        *out = (n.x * cos[line] + n.y * sin[line]) / -n.z;
+    }
+}
+
+/// Whether two latitudes on one isoline, by their tangents, are further apart than ties are.
 #[inline(always)]
-fn follow(keys: &[i64], mut depth: i32, end: f64, ends: &mut Vec<f64>) -> (i32, bool) {
+pub(super) fn are_apart(from: f64, to: f64) -> bool {
+    to - from > TIE * (1.0 + from.abs().min(to.abs()).powi(2))
+}
+
+/// Follows W along one isoline up to `end`, and calls `visible` with every part between two crossings where it is not positive, and
+/// with W. Returns W at the end.
+#[inline(always)]
+pub(super) fn follow(keys: &[i64], mut depth: i32, end: f64, mut visible: impl FnMut(f64, f64, i32)) -> i32 {
     let mut from = -Spans::POLE;
-    let (mut since, mut is_below) = (from, false);
-    let angle = |from: f64, to: f64| (to - from) / (1.0 + from.abs().min(to.abs()).powi(2));
     for &key in keys {
         let (tangent, jump) = crossing(key);
         // At the pole itself crossings still count.
         if tangent >= end && end < Spans::POLE {
             break;
         }
-        if depth < 0 {
-            is_below |= angle(since, tangent) > TIE;
+        if depth <= 0 {
+            visible(from, tangent, depth);
         }
-        let next = depth + jump;
-        match (depth <= 0, next <= 0) {
-            (true, false) if tangent > from => ends.extend([from, tangent]),
-            (false, true) => from = tangent,
-            _ => {}
-        }
-        (depth, since) = (next, tangent);
+        (depth, from) = (depth + jump, tangent);
     }
-    if depth <= 0 && angle(from, end) > IN_HORIZON {
-        ends.extend([from, end]);
+    if depth <= 0 {
+        visible(from, end, depth);
     }
-    (depth, is_below || depth < 0 && angle(since, end) > TIE)
+    depth
 }

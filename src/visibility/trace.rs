@@ -1,0 +1,435 @@
+use std::ops::Range;
+
+use dual_bvh::{Candidates, Contours, DualBvh, Tile};
+use glam::Vec3;
+use smallvec::SmallVec;
+
+use super::depth::faces_at_start;
+use super::meridians::{self, Crossings, Front, Gaps, Outlook, distance_squared};
+use super::{Counts, Sight, Skips, Spans, Sweep};
+use crate::scene::FaceTree;
+
+/// Working memory for tracing receivers along meridians.
+#[derive(Default)]
+pub(super) struct Tracer {
+    crossings: Crossings,
+    gaps: Gaps,
+    /// Where the isolines meet the horizon.
+    horizons: Vec<f64>,
+    front: Front,
+    spans: Spans,
+    counts: Counts,
+    /// For each group the last receiver whose isolines it was put before.
+    entered: Vec<u32>,
+    receiver: u32,
+    /// For each group the last tile that came to it, and how it searches.
+    sharing: Vec<(u32, Sharing)>,
+    tile: u32,
+    /// Boxes to look at, by level and number, the next one last.
+    stack: Vec<(usize, u32)>,
+    /// What looking for hidden groups may still cost before it must have saved something.
+    credit: i64,
+    /// Number of receivers of the tile.
+    receivers: usize,
+    has_credit: bool,
+}
+
+/// Leaving out a group saves work that grows with its contours, which grow like the root of the number of its edges. In units of
+/// a test of eight sectors against a box, a few nanoseconds.
+const SAVED: f64 = 4.0;
+/// What every isoline adds to the work of a receiver.
+const LINE: f64 = 8.0;
+/// Share of a tile's work that may be risked.
+const RISK: f64 = 1.0 / 40.0;
+/// What a test costs beside its sectors.
+const TEST: usize = 4;
+/// What it costs to put a group before an isoline after another one, instead of both at once.
+const CUT: usize = 3;
+
+/// How a tile's receivers get at their contours in a group.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Sharing {
+    /// Nobody has looked yet.
+    #[default]
+    Unknown,
+    /// One has searched for itself, and has found so many candidates.
+    Once(usize),
+    /// All share one search.
+    Shared,
+    /// Each searches for itself: together there would be so many candidates.
+    Alone(usize),
+}
+
+/// A group is searched for each receiver alone while for the tile together there would be more candidates than so many and this
+/// many times those of one: the contours of the body on which they lie, above all, are others for each of them.
+const MANY: usize = 400;
+const EXCESS: usize = 20;
+
+/// In tiles of fewer receivers, and in groups of more edges, nobody searches alone: it shows what sharing costs, but may be in vain.
+const SOME: usize = 8;
+const LARGE: usize = 1 << 15;
+
+fn are_too_many(together: usize, alone: usize) -> bool {
+    together > MANY + EXCESS * alone
+}
+
+/// What a receiver is looked at with.
+#[derive(Clone, Copy)]
+pub(super) struct Look<'a> {
+    pub(super) edges: &'a DualBvh,
+    pub(super) faces: &'a FaceTree,
+    pub(super) outlook: Outlook<'a>,
+    pub(super) excluded: &'a [u32],
+    pub(super) tile: Tile<'a>,
+    /// Whether all groups have been searched for the whole tile.
+    pub(super) is_searched: bool,
+    pub(super) skips: Skips,
+}
+
+impl Tracer {
+    /// Begins with another tile of so many receivers.
+    pub(super) fn begin(&mut self, edges: &DualBvh, receivers: usize) {
+        (self.receivers, self.has_credit) = (receivers, false);
+        self.sharing.resize(edges.groups(), Default::default());
+        self.tile = self.tile.checked_add(1).unwrap_or_else(|| {
+            self.sharing.fill(Default::default());
+            1
+        });
+    }
+
+    pub(super) fn spans(&self) -> &Spans {
+        &self.spans
+    }
+
+    pub(super) fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// What a receiver sees; candidates are searched where they are needed.
+    pub(super) fn trace(&mut self, look: Look, candidates: &mut Candidates, contours: &mut Contours) -> Sight {
+        let Outlook { meridians, frame, position, normal } = look.outlook;
+        let mut depths = SmallVec::<[(u32, i32); 8]>::new();
+        faces_at_start(look.faces, meridians, frame, position, look.excluded, |face, covers| {
+            let group = look.edges.group_of(face);
+            match depths.iter_mut().find(|(of, _)| *of == group) {
+                Some((_, depth)) => *depth += covers,
+                None => depths.push((group, covers)),
+            }
+        });
+        let depth: i32 = depths.iter().map(|(_, depth)| depth).sum();
+        if !std::mem::replace(&mut self.has_credit, true) {
+            let contours = (look.edges.groups() as f64 * look.edges.edge_count() as f64).sqrt();
+            self.credit = (RISK * self.receivers as f64 * (SAVED * contours + LINE * meridians.len() as f64)) as i64;
+        }
+        // Without a horizon the isolines end in one direction, and must agree there on everything.
+        let is_walk = look.skips.hidden_bodies && normal.is_some() && look.edges.groups() > 1 && self.credit >= 0;
+        if is_walk && self.walk(&depths, look, candidates, contours) {
+            if self.counts.above == 0 && look.skips.enclosed_receivers {
+                return Sight::Enclosed;
+            }
+            self.gaps.finish(&mut self.spans);
+            return Sight::Part(Sweep { lines: meridians.len(), depth_alarms: 0 });
+        }
+
+        self.crossings.clear();
+        (0..look.edges.groups() as u32).for_each(|group| self.choose(group, look, candidates, contours));
+        self.counts = self.crossings.counts();
+        let sight = match (self.counts.above, depth) {
+            (0, 0) => Some((Sight::Open, look.skips.open_receivers)),
+            (0, _) => Some((Sight::Enclosed, look.skips.enclosed_receivers)),
+            _ => None,
+        };
+        if let Some((sight, true)) = sight {
+            return sight;
+        }
+        self.crossings.cross(look.outlook, candidates);
+        meridians::horizons(look.outlook, &mut self.horizons);
+        let sweep = meridians::sweep(look.outlook, &mut self.crossings, depth, &self.horizons, &mut self.spans);
+        sight.map_or(Sight::Part(sweep), |(sight, _)| sight)
+    }
+
+    /// Chooses the contours of a group, searching it if that has not been done.
+    fn choose(&mut self, group: u32, look: Look, candidates: &mut Candidates, contours: &mut Contours) {
+        self.search(group, look, candidates);
+        let Some(part) = candidates.part(group) else { unreachable!("the group has been searched") };
+        candidates.contours_in(part, look.outlook.position, look.excluded, contours);
+        let (_, sharing) = &mut self.sharing[group as usize];
+        let count = part.edges.len();
+        *sharing = match *sharing {
+            Sharing::Unknown => Sharing::Once(count),
+            Sharing::Alone(together) if !are_too_many(together, count) => Sharing::Once(count),
+            other => other,
+        };
+        self.crossings.choose(look.outlook, candidates, part, contours, !look.skips.between_isolines);
+    }
+
+    /// Searches a group unless that has been done.
+    fn search(&mut self, group: u32, look: Look, candidates: &mut Candidates) {
+        if look.is_searched {
+            return;
+        }
+        let (tile, sharing) = &mut self.sharing[group as usize];
+        if *tile != self.tile {
+            let Tile { center, radius, .. } = look.tile;
+            let distance = distance_squared(look.edges.group_boxes()[0][group as usize], center.as_vec3());
+            (*tile, *sharing) = (self.tile, Sharing::Unknown);
+            let is_large = look.edges.group_edges(group).len() > LARGE;
+            if f64::from(distance) > radius * radius || self.receivers < SOME || is_large {
+                *sharing = Sharing::Shared;
+                look.edges.search_group(group, &look.tile, candidates);
+            }
+        } else if let Sharing::Once(alone) = *sharing {
+            let together = look.edges.search_few(group, &look.tile, MANY + EXCESS * alone, candidates);
+            *sharing = if are_too_many(together, alone) { Sharing::Alone(together) } else { Sharing::Shared };
+        }
+        if *sharing != Sharing::Shared {
+            let Outlook { position, normal, .. } = look.outlook;
+            let horizon = if look.skips.below_horizon { normal } else { None };
+            let lone = Tile::lone(position, horizon).with_faces(look.excluded);
+            look.edges.search_group(group, &lone, candidates);
+        }
+    }
+
+    /// Puts the groups that meet gaps before the isolines, those that cover their start first, then from near to far, and leaves out
+    /// the others; when this has cost more than it has saved, all that are left at once. Returns whether what it has
+    /// found stands: not if the bookkeeping failed, nor if the receiver may see everything, for nothing that lies between two
+    /// isolines must have been missed then.
+    fn walk(
+        &mut self,
+        depths: &[(u32, i32)],
+        look: Look,
+        candidates: &mut Candidates,
+        contours: &mut Contours,
+    ) -> bool {
+        self.counts = Counts::default();
+        meridians::horizons(look.outlook, &mut self.horizons);
+        self.gaps.reset(&self.horizons);
+        self.entered.resize(look.edges.groups(), 0);
+        self.receiver = self.receiver.checked_add(1).unwrap_or_else(|| {
+            self.entered.fill(0);
+            1
+        });
+        let boxes = look.edges.group_boxes();
+        let p = look.outlook.position.as_vec3();
+        self.stack.clear();
+        self.stack.push((boxes.len() - 1, 0));
+        self.stack.extend(depths.iter().rev().map(|&(group, _)| (0, group)));
+        let mut is_taken = false;
+        while let Some((level, index)) = self.stack.pop() {
+            if level == 0 && self.entered[index as usize] == self.receiver {
+                continue;
+            }
+            if self.credit < 0 {
+                self.enter(0..look.edges.groups() as u32, depths, look, candidates, contours);
+                self.counts.hidden = 0;
+                break;
+            }
+            // What covers the isolines' start meets them while nothing else has been put before them.
+            let is_first = self.counts == Counts::default() && level == 0;
+            if !is_taken && !is_first {
+                self.front.take(look.outlook, &self.gaps);
+                self.credit -= self.front.len() as i64 / 2;
+                is_taken = true;
+            }
+            self.credit -= (TEST + self.front.len() / 8) as i64;
+            if !is_first && !self.front.meets(look.outlook, boxes[level][index as usize]) {
+                self.hide(level, index, look.edges);
+            } else if level == 0 {
+                self.enter(index..index + 1, depths, look, candidates, contours);
+                is_taken = false;
+            } else {
+                self.push_children(level - 1, index, &boxes[level - 1], p);
+            }
+        }
+        let is_open = self.counts.above == 0 && depths.is_empty();
+        !self.gaps.is_negative() && !is_open
+    }
+
+    /// Puts those of some groups before the isolines for which that has not been done.
+    fn enter(
+        &mut self,
+        groups: Range<u32>,
+        depths: &[(u32, i32)],
+        look: Look,
+        candidates: &mut Candidates,
+        contours: &mut Contours,
+    ) {
+        self.crossings.clear();
+        let mut depth = 0;
+        for group in groups {
+            if std::mem::replace(&mut self.entered[group as usize], self.receiver) != self.receiver {
+                self.choose(group, look, candidates, contours);
+                depth += depths.iter().find(|(of, _)| *of == group).map_or(0, |&(_, depth)| depth);
+            }
+        }
+        self.counts += self.crossings.counts();
+        let lines = look.outlook.meridians.len();
+        if let Some(open) = self.gaps.open() {
+            self.crossings.drop_covered(open, lines);
+        }
+        self.crossings.cross(look.outlook, candidates);
+        let is_first = self.counts == self.crossings.counts();
+        let cut = self.gaps.cover(&mut self.crossings, depth, &self.horizons);
+        if !is_first {
+            self.credit -= (lines / 4 + CUT * cut) as i64;
+        }
+    }
+
+    /// Counts the groups in a box that cannot be seen.
+    fn hide(&mut self, level: usize, index: u32, edges: &DualBvh) {
+        let below = 8u32.pow(level as u32);
+        let groups = index * below..((index + 1) * below).min(edges.groups() as u32);
+        for group in groups.filter(|&group| self.entered[group as usize] != self.receiver) {
+            self.counts.hidden += 1;
+            let contours = (edges.group_edges(group).len() as f64).sqrt();
+            self.credit += (SAVED * contours) as i64;
+        }
+    }
+
+    /// Eight boxes at most, the nearest last.
+    fn push_children(&mut self, level: usize, parent: u32, boxes: &[[Vec3; 2]], p: Vec3) {
+        let children = 8 * parent..(8 * parent + 8).min(boxes.len() as u32);
+        let mut sorted: SmallVec<[(f32, u32); 8]> =
+            children.map(|child| (distance_squared(boxes[child as usize], p), child)).collect();
+        sorted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
+        self.stack.extend(sorted.iter().map(|&(_, child)| (level, child)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use dual_bvh::BuildOptions;
+    use glam::{DVec3, IVec3};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::visibility::{MeridianFrame, Meridians, Receiver, View, Viewer};
+
+    /// A box between two corners of a grid.
+    type Block = [IVec3; 2];
+
+    fn blocks(grid: i32) -> impl Strategy<Value = Vec<Block>> {
+        let corner = (-grid..grid, -grid..grid, -grid..grid).prop_map(|(x, y, z)| IVec3::new(x, y, z));
+        let size = (1..=grid, 1..=grid, 1..=grid).prop_map(|(x, y, z)| IVec3::new(x, y, z));
+        prop::collection::vec((corner, size).prop_map(|(low, size)| [low, low + size]), 1..40)
+    }
+
+    /// Twelve triangles a box, which has corners of its own, and some without their last two: open from above.
+    fn mesh(blocks: &[Block]) -> (Arc<[Vec3]>, Arc<[[u32; 3]]>) {
+        const SIDES: [[u32; 4]; 6] =
+            [[0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for (number, &[low, high]) in blocks.iter().enumerate() {
+            let first = 8 * number as u32;
+            positions.extend((0..8).map(|i| {
+                let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+                Vec3::new(pick(0) as f32, pick(1) as f32, pick(2) as f32)
+            }));
+            let sides = if number % 5 == 4 { 5 } else { 6 };
+            triangles.extend(
+                SIDES[..sides].iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(|i| first + i)),
+            );
+        }
+        (positions.into(), triangles.into())
+    }
+
+    fn is_on_side(p: DVec3, [low, high]: Block) -> bool {
+        let (low, high) = (low.as_dvec3(), high.as_dvec3());
+        let is_inside = p.cmpge(low).all() && p.cmple(high).all();
+        is_inside && (p.cmpeq(low).any() || p.cmpeq(high).any())
+    }
+
+    /// Spans of all isolines, none for a receiver that sees nothing, and the number of alarms.
+    fn seen(viewer: &Viewer, receiver: Receiver, skips: Skips, view: &mut View) -> (Option<Spans>, usize) {
+        let meridians = Meridians::new(22).unwrap();
+        let frame = MeridianFrame::facing(receiver.normal, false);
+        match viewer.trace(&meridians, frame, receiver, skips, view) {
+            Sight::Open => (None, 0),
+            Sight::Enclosed => (Some(Spans::new(&[&[] as &[(f64, f64)]; 22])), 0),
+            Sight::Part(sweep) => (Some(view.spans().clone()), sweep.depth_alarms),
+        }
+    }
+
+    fn skipping_changes_nothing(
+        (positions, triangles): (Arc<[Vec3]>, Arc<[[u32; 3]]>),
+        receivers: &[Receiver],
+        group_faces: usize,
+    ) -> usize {
+        let mut options = BuildOptions::default();
+        options.group_faces = group_faces;
+        let edges = DualBvh::build(positions.clone(), triangles.clone(), &options).unwrap();
+        let faces = FaceTree::new(positions, triangles);
+        let viewer = Viewer { edges: &edges, faces: &faces };
+        let (mut lazy, mut full) = (View::default(), View::default());
+        viewer.approach(receivers.iter().copied(), &mut lazy);
+        viewer.approach(receivers.iter().copied(), &mut full);
+        let all = Skips { hidden_bodies: false, ..Skips::default() };
+        let mut hidden = 0;
+        for &receiver in receivers {
+            // Whatever tests cost, here they are made.
+            (lazy.tracer().credit, lazy.tracer().has_credit) = (i64::MAX / 2, true);
+            let expected = seen(&viewer, receiver, all, &mut full);
+            assert_eq!(full.counts().hidden, 0);
+            assert_eq!(seen(&viewer, receiver, Skips::default(), &mut lazy), expected, "{receiver:?}");
+            hidden += lazy.counts().hidden;
+        }
+        hidden
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 400, max_global_rejects: 1 << 20, ..ProptestConfig::default() })]
+
+        /// Boxes that touch, stand in one another or coincide, seen from within the planes of their sides.
+        #[test]
+        fn hidden_boxes_change_nothing(
+            blocks in blocks(4),
+            points in prop::collection::vec((-8..8i32, -8..8i32, -8..8i32), 1..5),
+            normal in (-2..3i32, -2..3i32, -2..3i32),
+            group_faces in prop::sample::select(vec![1usize, 30, 100]),
+        ) {
+            let normal = DVec3::new(normal.0.into(), normal.1.into(), normal.2.into()).try_normalize();
+            let receivers: Vec<Receiver> = points
+                .iter()
+                .map(|&(x, y, z)| 0.5 * DVec3::new(x.into(), y.into(), z.into()))
+                .filter(|&p| blocks.iter().all(|&block| !is_on_side(p, block)))
+                .map(|position| Receiver { position, normal, excluded: &[] })
+                .collect();
+            skipping_changes_nothing(mesh(&blocks), &receivers, group_faces);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
+
+        /// Loose triangles, in groups that lie in one another.
+        #[test]
+        fn hidden_triangles_change_nothing(
+            corners in prop::collection::vec((-9..10i32, -9..10i32, -9..10i32), 3..240),
+            normal in (-2..3i32, -2..3i32, -2..3i32),
+        ) {
+            let corner = |&(x, y, z): &(i32, i32, i32)| Vec3::new(x as f32, y as f32, z as f32);
+            let positions: Vec<Vec3> = corners.chunks_exact(3).flatten().map(corner).collect();
+            let triangles: Vec<[u32; 3]> = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let normal = DVec3::new(normal.0.into(), normal.1.into(), normal.2.into()).try_normalize();
+            let at = |x: f64| Receiver { position: DVec3::new(x, 0.217, -0.391), normal, excluded: &[] };
+            skipping_changes_nothing((positions.into(), triangles.into()), &[at(0.123), at(0.456), at(7.89)], 4);
+        }
+    }
+
+    /// Shells in one another, the last without a lid, with things between them.
+    #[test]
+    fn what_is_outside_of_a_shell_is_hidden() {
+        let mut blocks: Vec<Block> = (1..6).map(|i| [IVec3::splat(-4 * i), IVec3::splat(4 * i)]).collect();
+        for i in 1..6 {
+            let low = IVec3::new(4 * i - 3, 1, -1);
+            blocks.push([low, low + IVec3::new(1, 2, 2)]);
+        }
+        let at = |p: DVec3| Receiver { position: p, normal: Some(DVec3::new(0.6, 0.0, 0.8)), excluded: &[] };
+        let inside = skipping_changes_nothing(mesh(&blocks), &[at(DVec3::new(-1.3, 0.2, 0.4))], 1);
+        assert_eq!(inside, 9, "of ten: the innermost covers all");
+        let outside = skipping_changes_nothing(mesh(&blocks), &[at(DVec3::new(-1.3, 40.0, 0.4))], 1);
+        assert!(outside < 9);
+    }
+}
