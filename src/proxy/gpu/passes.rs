@@ -7,12 +7,12 @@ use super::source::Source;
 use crate::proxy::coverage::FADE;
 use crate::proxy::exponential::{HYB_BOUND, PS2_BOUND};
 use crate::proxy::self_shadow::INSIDE;
+use crate::proxy::shade::COSINE;
 use crate::proxy::upsample::{LEAST_WEIGHT, PLANE_DISTANCE};
 use crate::proxy::{
     ClippedCapTable, Exponential, Exponentiator, IndirectOperator, IndirectTable, Interpolant, LogTable,
     ReflectedLight, SelfShadowing, Settings, ShadingLight, Upsampling,
 };
-use crate::sphere::{Order, clamped_cosine};
 use crate::{Error, Result};
 
 /// What a pass knows of the receivers it works on: `View` of receivers.wgsl.
@@ -150,11 +150,8 @@ impl<'a> Shaders<'a> {
         let least = if settings.upsampling == Upsampling::Bilateral { LEAST_WEIGHT } else { f32::MIN_POSITIVE };
         constants.push(("LEAST_WEIGHT".into(), number(least)));
         // The clamped cosine's own factor on every band of the harmonics.
-        let order = Order::new(needed_bands).unwrap_or(Order::MAX);
-        let zonal = clamped_cosine(order, glam::DVec3::Z);
-        for l in 0..needed_bands {
-            let factor = (4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt() * zonal[l * l + l];
-            constants.push((format!("COSINE_{l}"), number(factor as f32)));
+        for (l, factor) in COSINE.iter().enumerate().take(needed_bands) {
+            constants.push((format!("COSINE_{l}"), number(*factor)));
         }
         let counts = vec![
             ("BANDS", bands),
