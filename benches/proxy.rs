@@ -25,7 +25,7 @@ fn frames(settings: Settings) -> Frames {
     let renderer = Renderer::new(settings, &camera, &set, &light, Some(&environment)).expect("settings are good");
     let at = |time: f64| {
         let actors = scene.characters.iter().map(|body| Actor::new(body, &()).expect("is made up"));
-        let posed = (0u32..).zip(actors).map(|(body, actor)| actor.pose(time, body).expect("has its own spheres"));
+        let posed = actors.map(|actor| actor.pose(time).expect("has its own spheres"));
         let (mut bodies, mut proxies) = (Vec::new(), Vec::new());
         for Posed { surface, proxies: spheres } in posed {
             bodies.push(surface);

@@ -152,8 +152,8 @@ impl Stage {
     /// The actors `time` seconds after they started.
     pub fn new(actors: &[Actor], time: f64) -> Result<Self> {
         let mut stage = Self { bodies: Vec::new(), proxies: Vec::new() };
-        for (body, actor) in (0u32..).zip(actors) {
-            let Posed { surface, proxies } = actor.pose(time, body)?;
+        for actor in actors {
+            let Posed { surface, proxies } = actor.pose(time)?;
             stage.bodies.push(surface);
             stage.proxies.extend(proxies);
         }

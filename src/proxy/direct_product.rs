@@ -13,11 +13,13 @@ use crate::sphere::{Order, evaluate, product_rule};
 
 /// Latitudes and longitudes of the directions: their rule integrates products of harmonics exactly up to degree 21.
 const RULE: [usize; 2] = [11, 24];
+/// Their number.
+pub(super) const DIRECTIONS: usize = RULE[0] * RULE[1];
 /// Eights of directions.
-const BLOCKS: usize = RULE[0] * RULE[1] / LANES;
+const BLOCKS: usize = DIRECTIONS / LANES;
 /// Half the width, as an angle, over which a cap's rim is spread: a little more than that of a direction's cell, so that no cap
 /// falls between the directions.
-const RIM: f32 = 0.2;
+pub(super) const RIM: f32 = 0.2;
 
 /// The directions, and the harmonics to project onto.
 #[derive(Clone, Debug)]
@@ -53,6 +55,17 @@ impl DirectProduct {
     /// The order of the visibility.
     pub fn order(&self) -> Order {
         self.order
+    }
+
+    /// The directions, each with its weight: those of the rule that is projected by.
+    pub fn directions(&self) -> Vec<[f32; 4]> {
+        let lanes = self.directions.iter().zip(&self.weights);
+        lanes.flat_map(|([x, y, z], w)| (0..LANES).map(|i| [x.0[i], y.0[i], z.0[i], w.0[i]])).collect()
+    }
+
+    /// Weight times harmonic, direction after direction for the first coefficient, then for the next.
+    pub fn projection(&self) -> &[f32] {
+        bytemuck::cast_slice(&self.projection)
     }
 }
 
@@ -200,7 +213,7 @@ mod tests {
         receivers.depth[2] = 1.0;
         receivers.position.iter_mut().for_each(|plane| plane[2] = 0.0);
         let center = Vec3::new(0.3, 0.9, 1.2);
-        let proxy = Proxy { center, radius: 0.8, albedo: Vec3::ZERO, body: 0 };
+        let proxy = Proxy { center, radius: 0.8, albedo: Vec3::ZERO, share: 1.0 };
         let order = Order::new(4).unwrap();
         let mut out = HarmonicBuffer::zeros(16, 8);
         let coverage = Coverage { expansion: 20.0 };

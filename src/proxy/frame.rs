@@ -264,6 +264,7 @@ impl Renderer {
             direct: self.direct.as_ref(),
             indirect_table: self.indirect_table.as_ref(),
         };
+        let proxies = &*self.settings.overlap.counted(proxies);
         passes.run(receivers, proxies, &mut self.stages, &mut statistics);
 
         let mut clock = Clock(Instant::now());
@@ -420,7 +421,7 @@ mod tests {
     }
 
     fn proxy(center: Vec3, radius: f32, albedo: f32) -> Proxy {
-        Proxy { center, radius, albedo: Vec3::splat(albedo), body: 0 }
+        Proxy { center, radius, albedo: Vec3::splat(albedo), share: 1.0 }
     }
 
     fn renderer(settings: Settings) -> Renderer {
@@ -428,9 +429,9 @@ mod tests {
     }
 
     const SPHERES: [Proxy; 3] = [
-        Proxy { center: Vec3::new(0.0, 0.9, 0.0), radius: 0.6, albedo: Vec3::new(0.9, 0.2, 0.1), body: 0 },
-        Proxy { center: Vec3::new(0.7, 0.5, 0.3), radius: 0.4, albedo: Vec3::new(0.1, 0.8, 0.1), body: 0 },
-        Proxy { center: Vec3::new(-1.5, 0.2, 1.0), radius: 0.5, albedo: Vec3::ZERO, body: 1 },
+        Proxy { center: Vec3::new(0.0, 0.9, 0.0), radius: 0.6, albedo: Vec3::new(0.9, 0.2, 0.1), share: 1.0 },
+        Proxy { center: Vec3::new(0.7, 0.5, 0.3), radius: 0.4, albedo: Vec3::new(0.1, 0.8, 0.1), share: 1.0 },
+        Proxy { center: Vec3::new(-1.5, 0.2, 1.0), radius: 0.5, albedo: Vec3::ZERO, share: 1.0 },
     ];
 
     #[test]

@@ -34,6 +34,7 @@ mod indirect;
 mod lanes;
 mod light;
 mod outside_volume;
+mod overlap;
 mod receiver_setup;
 mod receivers;
 mod self_shadow;
@@ -69,6 +70,7 @@ pub use indirect::{ExactOperator, IndirectOperator, IndirectTable, averaged_oper
 pub use lanes::{LANES, Lanes};
 pub use light::{DistantLight, ReflectedLight};
 pub use outside_volume::{enclosed_volume, outside_volume};
+pub use overlap::{Overlap, share_overlap};
 pub use receiver_setup::{Rectangle, Viewport, draw};
 pub use receivers::Receivers;
 pub use self_shadow::{ClippedCap, ClippedCapTable, SelfShadowing, clipped_cap};

@@ -46,15 +46,16 @@ impl<const BANDS: usize, const LEN: usize> Splat for LogSplat<'_, BANDS, LEN> {
     }
 
     #[inline(always)]
-    fn add(&self, sum: &mut [Lanes; LEN], _: &Group, _: &Proxy, seen: &Seen) {
+    fn add(&self, sum: &mut [Lanes; LEN], _: &Group, proxy: &Proxy, seen: &Seen) {
         let mut bands = [Lanes::ZERO; BANDS];
         for lane in 0..LANES {
             let row = self.0.row(seen.u.0[lane]);
             bands.iter_mut().zip(row).for_each(|(band, value)| band.0[lane] = value);
         }
         let y: [Lanes; LEN] = basis::<BANDS, LEN>(seen.axis);
+        let weight = seen.weight * proxy.share;
         for (l, band) in bands.iter().enumerate() {
-            let band = *band * seen.weight;
+            let band = *band * weight;
             (l * l..(l + 1) * (l + 1)).for_each(|k| sum[k] += y[k] * band);
         }
     }
@@ -99,13 +100,13 @@ mod tests {
         let mut random = Random::new(4);
         let receivers = receivers(&mut random, 21, 19);
         let proxies: Vec<Proxy> = (0..12)
-            .map(|body| {
+            .map(|_| {
                 let center = Vec3::new(
                     random.between(0.0, 6.0) as f32,
                     random.between(1.0, 2.0) as f32,
                     random.between(0.0, 6.0) as f32,
                 );
-                Proxy { center, radius: random.between(0.1, 0.45) as f32, albedo: Vec3::ZERO, body }
+                Proxy { center, radius: random.between(0.1, 0.45) as f32, albedo: Vec3::ZERO, share: 1.0 }
             })
             .collect();
         let coverage = Coverage { expansion: 12.0 };

@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn spheres_and_their_surfaces_hide_their_form_factor() {
         let (center, radius) = (Vec3::new(0.3, 0.8, -0.2), 0.9);
-        let proxies = [Proxy { center, radius, albedo: Vec3::new(1.0, 0.5, 0.0), body: 0 }];
+        let proxies = [Proxy { center, radius, albedo: Vec3::new(1.0, 0.5, 0.0), share: 1.0 }];
         let receivers = receivers();
         let spheres = Truth::of_spheres(&receivers, &proxies, &even(), None, 4096, &()).unwrap();
         let mut mesh = Icosphere { radius: radius.into(), subdivisions: 5 }.mesh().unwrap();

@@ -5,12 +5,13 @@ use super::Gpu;
 use super::kernel::{Kernel, Stage, Timer, groups_of_8x8, groups_of_64};
 use super::source::Source;
 use crate::proxy::coverage::FADE;
+use crate::proxy::direct_product::{DIRECTIONS, RIM};
 use crate::proxy::exponential::{HYB_BOUND, PS2_BOUND};
 use crate::proxy::self_shadow::INSIDE;
 use crate::proxy::shade::COSINE;
 use crate::proxy::upsample::{LEAST_WEIGHT, PLANE_DISTANCE};
 use crate::proxy::{
-    ClippedCapTable, Exponential, Exponentiator, IndirectOperator, IndirectTable, Interpolant, LogTable,
+    ClippedCapTable, DirectProduct, Exponential, Exponentiator, IndirectOperator, IndirectTable, Interpolant, LogTable,
     ReflectedLight, SelfShadowing, Settings, ShadingLight, Upsampling,
 };
 use crate::{Error, Result};
@@ -73,8 +74,7 @@ impl Light {
 
 /// The passes over receivers, and those between receivers and pixels.
 pub(super) struct Passes {
-    splat: Kernel,
-    exponentiate: Kernel,
+    shadows: Shadows,
     splat_indirect: Kernel,
     shade: Kernel,
     pub(super) upsample: Kernel,
@@ -82,10 +82,16 @@ pub(super) struct Passes {
     pub(super) scatter: Kernel,
     pub(super) base: Kernel,
     clipped: Buffer,
-    log_table: Buffer,
-    linear: Buffer,
     indirect_table: Buffer,
     sizes: Sizes,
+}
+
+/// The way from proxies to visibility, with its tables.
+enum Shadows {
+    /// Sums of logarithms and their exponentials.
+    Logarithms { splat: Kernel, table: Buffer, exponentiate: Kernel, linear: Option<Buffer> },
+    /// The product in many directions.
+    Product { splat: Kernel, directions: Buffer, projection: Buffer },
 }
 
 /// Numbers per receiver.
@@ -142,6 +148,7 @@ impl<'a> Shaders<'a> {
             ("BILATERAL", (settings.upsampling == Upsampling::Bilateral).to_string()),
             ("HAS_TRANSFER", (sizes.transfer > 0).to_string()),
             ("PLANE_DISTANCE", number(PLANE_DISTANCE)),
+            ("RIM", number(RIM)),
         ]
         .map(|(name, value): (&str, String)| (name.to_owned(), value))
         .to_vec();
@@ -160,6 +167,7 @@ impl<'a> Shaders<'a> {
             ("NEEDED", sizes.needed),
             ("NEEDED_BANDS", needed_bands),
             ("ROWS", rows),
+            ("DIRECTIONS", DIRECTIONS),
         ];
         Self { source: Source { constants, counts, exponentiator: Some(exponentiator) } }
     }
@@ -180,7 +188,7 @@ impl Sizes {
         };
         let rows = if settings.interpolant == Interpolant::Shades { 1 } else { needed };
         Self {
-            log: settings.internal_order.len(),
+            log: if settings.exponential == Exponential::Direct { 0 } else { settings.internal_order.len() },
             visibility: order.len(),
             shading: rows + 1,
             transfer: transfer_len,
@@ -198,21 +206,32 @@ impl Passes {
     /// Passes for settings and receivers of these sizes.
     ///
     /// # Errors
-    /// A quality mode that is for processors only, or shaders that the device refuses.
+    /// Shaders that the device refuses.
     pub(super) fn new(gpu: &Gpu, settings: &Settings, sizes: Sizes) -> Result<Self> {
-        if matches!(settings.exponential, Exponential::Matrix | Exponential::Direct) {
-            let kind = settings.exponential;
-            return Err(Error::input(format!(
-                "`{kind}` is for processors only; leave out --device gpu, or take the exponential ps2, hyb or ol"
-            )));
-        }
         let exponentiator = Exponentiator::new(settings.exponential, settings.internal_order);
         let shaders = Shaders::new(settings, sizes, &exponentiator);
         let kernel = |label, parts: &[&str]| gpu.kernel(label, "main", shaders.expand(parts));
         let indirect = IndirectTable::new(settings.indirect.unwrap_or_default());
+        let shadows = if settings.exponential == Exponential::Direct {
+            let product = DirectProduct::new(settings.order);
+            Shadows::Product {
+                splat: kernel("direct_product", &[RECEIVERS, TILE, SELF_SHADOW, include_str!("direct_product.wgsl")])?,
+                directions: gpu.buffer("directions", &product.directions()),
+                projection: gpu.buffer("projection", product.projection()),
+            }
+        } else {
+            let is_matrix = settings.exponential == Exponential::Matrix;
+            let exponential =
+                if is_matrix { include_str!("matrix_exponential.wgsl") } else { include_str!("exponential.wgsl") };
+            Shadows::Logarithms {
+                splat: kernel("splat", &[RECEIVERS, TILE, SELF_SHADOW, include_str!("splat.wgsl")])?,
+                table: gpu.buffer("log table", LogTable::new(settings.internal_order).rows()),
+                exponentiate: kernel("exponentiate", &[RECEIVERS, exponential, include_str!("exponentiate.wgsl")])?,
+                linear: (!is_matrix).then(|| gpu.buffer("optimal linear", &exponentiator.optimal_linear().table)),
+            }
+        };
         Ok(Self {
-            splat: kernel("splat", &[RECEIVERS, TILE, SELF_SHADOW, include_str!("splat.wgsl")])?,
-            exponentiate: kernel("exponentiate", &[RECEIVERS, include_str!("exponentiate.wgsl")])?,
+            shadows,
             splat_indirect: kernel(
                 "splat_indirect",
                 &[RECEIVERS, TILE, SELF_SHADOW, include_str!("splat_indirect.wgsl")],
@@ -223,8 +242,6 @@ impl Passes {
             scatter: kernel("scatter", &[RECEIVERS, TRANSFER, include_str!("scatter.wgsl")])?,
             base: kernel("base", &[RECEIVERS, TRANSFER, include_str!("base.wgsl")])?,
             clipped: gpu.buffer("clipped", ClippedCapTable::get().entries()),
-            log_table: gpu.buffer("log table", LogTable::new(settings.internal_order).rows()),
-            linear: gpu.buffer("optimal linear", &exponentiator.optimal_linear().table),
             indirect_table: gpu.buffer("indirect table", indirect.rows()),
             sizes,
         })
@@ -269,10 +286,18 @@ impl Passes {
         let Buffers { view: parameters, receivers, transfer, log, visibility, indirect, shading } = buffers;
         let tiles = groups_of_8x8(view.size);
         let groups = groups_of_64(view.count);
-        let splatted = [parameters, receivers, proxies, &self.clipped, &self.log_table, log];
-        self.splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
-        let exponentiated = [parameters, log, &self.linear, visibility];
-        self.exponentiate.run(gpu, encoder, timer, Stage::Exponentiate, &exponentiated, groups);
+        match &self.shadows {
+            Shadows::Logarithms { splat, table, exponentiate, linear } => {
+                let splatted = [parameters, receivers, proxies, &self.clipped, table, log];
+                splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
+                let exponentiated: Vec<&Buffer> = [parameters, log, visibility].into_iter().chain(linear).collect();
+                exponentiate.run(gpu, encoder, timer, Stage::Exponentiate, &exponentiated, groups);
+            }
+            Shadows::Product { splat, directions, projection } => {
+                let splatted = [parameters, receivers, proxies, &self.clipped, directions, projection, visibility];
+                splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
+            }
+        }
         if view.reflects != 0 {
             let lit = [parameters, receivers, proxies, &self.clipped, &self.indirect_table, &light.reflected, indirect];
             self.splat_indirect.run(gpu, encoder, timer, Stage::Indirect, &lit, tiles);

@@ -34,7 +34,8 @@ struct Proxy {
     center: vec3f,
     radius: f32,
     albedo: vec3f,
-    body: u32,
+    // How much of what it hides it counts for.
+    share: f32,
 }
 
 const NOTHING: f32 = 1e37;

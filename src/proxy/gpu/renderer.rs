@@ -57,7 +57,7 @@ impl Renderer {
     /// Sees `set` through `camera` in `light`; where nothing is seen the pictures show `background`, or black.
     ///
     /// # Errors
-    /// Settings out of their domain or not for graphics processors, or a device that lacks what they need.
+    /// Settings out of their domain, or a device that lacks what they need.
     pub fn new(
         gpu: Gpu,
         settings: Settings,
@@ -181,7 +181,7 @@ impl Renderer {
             return Ok(statistics);
         }
         self.setup.place(&self.gpu, bodies)?;
-        self.gpu.fill(&mut self.proxies, "proxies", proxies);
+        self.gpu.fill(&mut self.proxies, "proxies", &self.settings.overlap.counted(proxies));
         let reflects = self.settings.indirect.is_some()
             && self.reflects
             && proxies.iter().any(|proxy| proxy.albedo != glam::Vec3::ZERO);

@@ -25,12 +25,13 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
                 while bits != 0u {
                     let bit = firstTrailingBit(bits);
                     bits &= bits - 1u;
-                    let seen = see(proxies[first + word * 32u + bit], receiver.position, receiver.normal, view.shadow_expansion);
+                    let proxy = proxies[first + word * 32u + bit];
+                    let seen = see(proxy, receiver.position, receiver.normal, view.shadow_expansion);
                     if seen.weight > 0.0 {
                         let x = seen.u * f32(LOG_INTERVALS);
                         let row = min(u32(x), LOG_INTERVALS - 1u);
-                        let low = mix(table[2u * row], table[2u * row + 2u], x - f32(row)) * seen.weight;
-                        let high = mix(table[2u * row + 1u], table[2u * row + 3u], x - f32(row)) * seen.weight;
+                        let low = mix(table[2u * row], table[2u * row + 2u], x - f32(row)) * (seen.weight * proxy.share);
+                        let high = mix(table[2u * row + 1u], table[2u * row + 3u], x - f32(row)) * (seen.weight * proxy.share);
                         let bands = array<f32, 6>(low.x, low.y, low.z, low.w, high.x, high.y);
                         //#basis BANDS seen.axis| s$ += y$ * bands[@];
                     }

@@ -7,9 +7,9 @@ use super::passes::{Buffers, Light, Passes, Shaders, Sizes, View};
 use super::setup::{Setup, Target};
 use super::{Gpu, Renderer};
 use crate::proxy::{
-    Coverage, DistantLight, Exponential, Exponentiator, HarmonicBuffer, INDIRECT_LEN, IndirectOperator, IndirectTable,
-    Interpolant, LogTable, Proxy, Receivers, Resampling, SelfShadowing, Settings, Shading, ShadingLight, Surface,
-    Upsampling, Viewport, draw, exponentiate, shade, splat, splat_indirect, upsample,
+    Coverage, DirectProduct, DistantLight, Exponential, Exponentiator, HarmonicBuffer, INDIRECT_LEN, IndirectOperator,
+    IndirectTable, Interpolant, LogTable, Proxy, Receivers, Resampling, SelfShadowing, Settings, Shading, ShadingLight,
+    Surface, Upsampling, Viewport, direct_product, draw, exponentiate, shade, splat, splat_indirect, upsample,
 };
 use crate::scene::shapes::{Plane, Random, TorusKnot};
 use crate::scene::{Camera, Geometry, GeometryBuilder, Mesh};
@@ -55,7 +55,7 @@ fn proxies(count: usize) -> Vec<Proxy> {
         center: (DVec3::new(0.0, 0.9, 0.0) + DVec3::new(3.0, 1.0, 3.0) * random.in_ball()).as_vec3(),
         radius: random.between(0.05, 0.4) as f32,
         albedo: Vec3::new(0.9, 0.3 + 0.1 * (i % 5) as f32, 0.2),
-        body: 0,
+        share: 0.4 + 0.2 * (i % 4) as f32,
     };
     (0..count).map(&mut proxy).collect()
 }
@@ -121,8 +121,13 @@ fn both(settings: &Settings, proxies: &[Proxy], transfer_len: usize) -> Both {
     let mut visibility = HarmonicBuffer::zeros(settings.order.len(), places);
     let mut indirect = HarmonicBuffer::zeros(INDIRECT_LEN, places);
     let mut shading = Shading::default();
-    splat(&receivers, proxies, &LogTable::new(settings.internal_order), rule, shadows, &mut log);
-    exponentiate(&log, &Exponentiator::new(settings.exponential, settings.internal_order), &mut visibility);
+    if settings.exponential == Exponential::Direct {
+        let product = DirectProduct::new(settings.order);
+        direct_product(&receivers, proxies, &product, rule, shadows, &mut visibility);
+    } else {
+        splat(&receivers, proxies, &LogTable::new(settings.internal_order), rule, shadows, &mut log);
+        exponentiate(&log, &Exponentiator::new(settings.exponential, settings.internal_order), &mut visibility);
+    }
     let table = settings.indirect.map(IndirectTable::new);
     if let Some(table) = &table {
         splat_indirect(&receivers, proxies, &light.reflected(), table, rule, reach, &mut indirect);
@@ -180,9 +185,9 @@ fn check(settings: &Settings, proxies: &[Proxy], transfer_len: usize, allowed: u
     let both = both(settings, proxies, transfer_len);
     let count = both.view.count as usize;
     let lanes = |buffer: &HarmonicBuffer, i: usize, k: usize| buffer.group(i / 8)[k].0[i % 8];
-    for (name, device, cpu) in
-        [("splat", &both.buffers.log, &both.log), ("exponentiate", &both.buffers.visibility, &both.visibility)]
-    {
+    let has_log = settings.exponential != Exponential::Direct;
+    let log = has_log.then_some(("splat", &both.buffers.log, &both.log));
+    for (name, device, cpu) in log.into_iter().chain([("visibility", &both.buffers.visibility, &both.visibility)]) {
         let read: Vec<f32> = both.gpu.read(device, cpu.len() * count).unwrap();
         let bad = mismatches(&both, cpu.len(), |place, k| read[k * count + place], |i, k| lanes(cpu, i, k));
         assert!(bad <= allowed, "{name}: {bad} receivers of {count}, {settings:?}");
@@ -285,6 +290,14 @@ fn stages_agree_in_few_bands_and_many() {
 }
 
 #[test]
+fn stages_agree_in_the_quality_modes() {
+    check(&Settings { exponential: Exponential::Matrix, ..settings(4, 4) }, &proxies(60), 0, 0);
+    check(&Settings { exponential: Exponential::Matrix, ..settings(3, 5) }, &proxies(20), 0, 0);
+    check(&Settings { exponential: Exponential::Direct, ..settings(4, 4) }, &proxies(60), 0, 0);
+    check(&Settings { exponential: Exponential::Direct, ..settings(6, 6) }, &proxies(20), 16, 0);
+}
+
+#[test]
 fn stages_agree_with_transfer_vectors() {
     check(&settings(4, 4), &proxies(30), 16, 0);
 }
@@ -377,12 +390,9 @@ fn frames_agree_stand_still_and_repeat() {
 
 #[test]
 fn what_a_device_cannot_do_is_said() {
-    let settings = Settings { exponential: Exponential::Matrix, ..settings(4, 4) };
-    let light = light(settings.order);
-    let refused = Renderer::new(gpu(), settings, &camera([64, 64]), &floor(0), &light, None).err().expect("refused");
-    assert!(refused.to_string().contains("`matrix` is for processors only"), "{refused}");
     let bad = Proxy { radius: 0.0, ..proxies(1)[0] };
-    let settings = self::settings(4, 4);
+    let settings = settings(4, 4);
+    let light = light(settings.order);
     let mut renderer = Renderer::new(gpu(), settings, &camera([64, 64]), &floor(0), &light, None).unwrap();
     assert!(renderer.render(&[], &[bad]).unwrap_err().to_string().contains("sphere 0: its radius"));
     let message = gpu().check_size("pixels", 1 << 50).unwrap_err().to_string();
