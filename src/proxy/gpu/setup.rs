@@ -21,7 +21,9 @@ pub(super) struct Setup {
     vertices: Buffer,
     triangles: Buffer,
     transfer: Buffer,
-    /// The set's own, which come first.
+    /// Coefficients in a transfer vector.
+    transfer_len: usize,
+    /// The set's own vertices and triangles, which come first.
     set: [usize; 2],
     /// All of this frame's.
     count: u32,
@@ -147,6 +149,7 @@ impl Setup {
             vertices: gpu.buffer("vertices", &vertices),
             triangles: gpu.buffer("triangles", &triangles),
             transfer: gpu.buffer("vertex transfer", &set.transfer),
+            transfer_len: set.transfer_len,
             set: [set.positions.len(), set.triangles.len()],
             count: set.triangles.len() as u32,
         })
@@ -156,14 +159,23 @@ impl Setup {
     ///
     /// # Errors
     /// More than the device holds.
+    ///
+    /// # Panics
+    /// If a body's transfer vectors are of another length than the set's.
     pub(super) fn place(&mut self, gpu: &Gpu, bodies: &[Surface]) -> Result<()> {
-        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        let (mut vertices, mut triangles, mut transfer) = (Vec::new(), Vec::new(), Vec::new());
         for body in bodies {
-            let (v, t) = packed(body, self.set[0] + vertices.len() / 2, false);
+            let has_transfer = self.transfer_len > 0 && body.transfer_len > 0;
+            assert!(!has_transfer || body.transfer_len == self.transfer_len);
+            let (v, t) = packed(body, self.set[0] + vertices.len() / 2, has_transfer);
             vertices.extend(v);
             triangles.extend(t);
+            transfer.extend_from_slice(if has_transfer { &body.transfer } else { &[] });
+            // Those that have none are not looked at.
+            transfer.resize(self.transfer_len * (vertices.len() / 2), 0.0);
         }
         let [own_vertices, own_triangles] = self.set;
+        append(gpu, &mut self.transfer, "vertex transfer", (own_vertices * self.transfer_len) as u64 * 4, &transfer)?;
         append(gpu, &mut self.vertices, "vertices", own_vertices as u64 * 32, &vertices)?;
         append(gpu, &mut self.triangles, "triangles", own_triangles as u64 * 32, &triangles)?;
         self.count = (own_triangles + triangles.len()) as u32;
