@@ -10,6 +10,10 @@
 @group(0) @binding(5) var<storage, read> projection: array<f32>;
 // Coefficient k of the receiver at a place: k * count + place.
 @group(0) @binding(6) var<storage, read_write> visibility: array<f32>;
+// Empty tiles and pairs of tiles and proxies, of this pass from number COUNTED on.
+@group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
+
+const COUNTED: u32 = 0u;
 
 const TAU: f32 = 6.2831855;
 
@@ -57,6 +61,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
             }
         }
     }
+    tile_count(lane);
     if !inside {
         return;
     }

@@ -29,11 +29,13 @@ pub(super) struct View {
     pub(super) shadow_expansion: f32,
     pub(super) indirect_expansion: f32,
     pub(super) reflects: u32,
-    pub(super) padding: u32,
+    pub(super) first_row: u32,
+    pub(super) fine_first_row: u32,
+    pub(super) padding: [u32; 3],
 }
 
 /// Bytes of a receiver.
-pub(super) const RECEIVER: u64 = 48;
+const RECEIVER: usize = 48;
 
 /// The buffers of some receivers.
 pub(super) struct Buffers {
@@ -66,11 +68,14 @@ impl Light {
         }
         Self {
             coefficients: gpu.buffer("light", &padded(shading.coefficients())),
-            product: gpu.buffer("product", &padded(shading.product())),
+            product: gpu.uniform("product", &padded(shading.product())),
             reflected: gpu.uniform("reflected", &parts),
         }
     }
 }
+
+/// Empty tiles and pairs of tiles and proxies, for shadows and then for indirect light.
+pub(super) const COUNTS: usize = 4;
 
 /// The passes over receivers, and those between receivers and pixels.
 pub(super) struct Passes {
@@ -168,6 +173,7 @@ impl<'a> Shaders<'a> {
             ("NEEDED_BANDS", needed_bands),
             ("ROWS", rows),
             ("DIRECTIONS", DIRECTIONS),
+            ("PRODUCT", sizes.visibility * sizes.visibility),
         ];
         Self { source: Source { constants, counts, exponentiator: Some(exponentiator) } }
     }
@@ -178,6 +184,16 @@ impl<'a> Shaders<'a> {
 }
 
 impl Sizes {
+    /// Bytes that a receiver takes in the largest of its buffers.
+    pub(super) fn receiver(&self) -> u64 {
+        self.pixel().max(4 * self.log.max(self.visibility).max(4 * self.shading) as u64)
+    }
+
+    /// The same for a pixel that only takes from receivers.
+    pub(super) fn pixel(&self) -> u64 {
+        RECEIVER.max(4 * self.transfer) as u64
+    }
+
     pub(super) fn new(settings: &Settings, transfer_len: usize) -> Self {
         let order = settings.order;
         // As `ShadingLight::needed`.
@@ -259,10 +275,10 @@ impl Passes {
             Ok::<_, Error>(gpu.zeros(label, bytes))
         };
         let accumulated = |label: &str, per_receiver: usize| floats(label, if accumulate { per_receiver } else { 0 });
-        gpu.check_size("receivers", RECEIVER * count)?;
+        gpu.check_size("receivers", RECEIVER as u64 * count)?;
         Ok(Buffers {
-            view: gpu.uniform("view", view),
-            receivers: gpu.zeros("receivers", RECEIVER * count),
+            view: gpu.uniform("view", &[*view]),
+            receivers: gpu.zeros("receivers", RECEIVER as u64 * count),
             transfer: floats("transfer vectors", self.sizes.transfer)?,
             log: accumulated("log visibility", self.sizes.log)?,
             visibility: accumulated("visibility", self.sizes.visibility)?,
@@ -271,7 +287,7 @@ impl Passes {
         })
     }
 
-    /// Records the passes from the splats to the shading of receivers.
+    /// Records the passes from the splats to the shading of receivers. `counts` gets [`COUNTS`] numbers added.
     #[expect(clippy::too_many_arguments, reason = "plain buffers in, plain buffers out")]
     pub(super) fn record(
         &self,
@@ -282,24 +298,27 @@ impl Passes {
         view: &View,
         proxies: &Buffer,
         light: &Light,
+        counts: &Buffer,
     ) {
         let Buffers { view: parameters, receivers, transfer, log, visibility, indirect, shading } = buffers;
         let tiles = groups_of_8x8(view.size);
         let groups = groups_of_64(view.count);
         match &self.shadows {
             Shadows::Logarithms { splat, table, exponentiate, linear } => {
-                let splatted = [parameters, receivers, proxies, &self.clipped, table, log];
+                let splatted = [parameters, receivers, proxies, &self.clipped, table, log, counts];
                 splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
                 let exponentiated: Vec<&Buffer> = [parameters, log, visibility].into_iter().chain(linear).collect();
                 exponentiate.run(gpu, encoder, timer, Stage::Exponentiate, &exponentiated, groups);
             }
             Shadows::Product { splat, directions, projection } => {
-                let splatted = [parameters, receivers, proxies, &self.clipped, directions, projection, visibility];
+                let splatted =
+                    [parameters, receivers, proxies, &self.clipped, directions, projection, visibility, counts];
                 splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
             }
         }
         if view.reflects != 0 {
-            let lit = [parameters, receivers, proxies, &self.clipped, &self.indirect_table, &light.reflected, indirect];
+            let (table, reflected) = (&self.indirect_table, &light.reflected);
+            let lit = [parameters, receivers, proxies, &self.clipped, table, reflected, indirect, counts];
             self.splat_indirect.run(gpu, encoder, timer, Stage::Indirect, &lit, tiles);
         }
         let shaded = [parameters, receivers, transfer, visibility, indirect, &light.product, shading];

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
@@ -64,13 +66,16 @@ const NUMBERS: TextureFormat = TextureFormat::R32Uint;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 
 impl Target {
-    pub(super) fn new(gpu: &Gpu, viewport: &Viewport, set: &Surface) -> Self {
+    /// Some rows of a viewport's receivers.
+    pub(super) fn new(gpu: &Gpu, viewport: &Viewport, rows: Range<u32>, set: &Surface) -> Self {
         let camera = &viewport.camera;
-        let size = viewport.size().map(|side| side as u32);
+        let size = [viewport.size()[0] as u32, rows.end - rows.start];
+        // The band's own image begins here.
+        let first = f64::from(rows.start) * viewport.scale as f64;
         let farthest = set.positions.iter().map(|p| camera.project(p.as_dvec3()).z).fold(0.0, f64::max);
         let padded = |v: DVec3, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
-        let corner = camera.ray(0.0, 0.0);
-        let [right, down] = [camera.ray(1.0, 0.0) - corner, camera.ray(0.0, 1.0) - corner];
+        let corner = camera.ray(0.0, first);
+        let [right, down] = [camera.ray(1.0, first) - corner, camera.ray(0.0, first + 1.0) - corner];
         let [width, height] = camera.resolution();
         let parameters = Camera {
             eye: padded(camera.position(), 0.0),
@@ -79,7 +84,12 @@ impl Target {
             forward: padded(camera.forward(), 0.0),
             corner: padded(corner, 0.0),
             size: [size[0], size[1], viewport.scale as u32, 0],
-            half: [width as f32 / 2.0, height as f32 / 2.0, (1e-6 * farthest).max(1e-30) as f32, 0.0],
+            half: [
+                width as f32 / 2.0,
+                (f64::from(height) / 2.0 - first) as f32,
+                (1e-6 * farthest).max(1e-30) as f32,
+                0.0,
+            ],
         };
         let texture = |format, usage| {
             let descriptor = TextureDescriptor {
@@ -95,7 +105,7 @@ impl Target {
             gpu.device.create_texture(&descriptor).create_view(&Default::default())
         };
         Self {
-            camera: gpu.uniform("camera", &parameters),
+            camera: gpu.uniform("camera", &[parameters]),
             size,
             numbers: texture(NUMBERS, TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING),
             depth: texture(DEPTH, TextureUsages::RENDER_ATTACHMENT),

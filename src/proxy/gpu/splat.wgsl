@@ -8,6 +8,10 @@
 @group(0) @binding(4) var<storage, read> table: array<vec4f>;
 // Coefficient k of the receiver at a place: k * count + place.
 @group(0) @binding(5) var<storage, read_write> log_visibility: array<f32>;
+// Empty tiles and pairs of tiles and proxies, of this pass from number COUNTED on.
+@group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>>;
+
+const COUNTED: u32 = 0u;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -39,6 +43,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
             }
         }
     }
+    tile_count(lane);
     if inside {
         //#each LEN| log_visibility[$u * view.count + place] = s$;
     }
