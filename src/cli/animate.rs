@@ -4,7 +4,7 @@ use clap::Args;
 use glam::{DMat3, DVec3};
 
 use crate::bake::Control;
-use crate::proxy::{DistantLight, Engine};
+use crate::proxy::{DistantLight, Engine, FrameStatistics};
 use crate::report::Film;
 use crate::{Error, Result};
 
@@ -45,7 +45,8 @@ pub struct Animate {
 }
 
 const EXAMPLES: &str = "\
-Written are frame_0000.png, ..., contact_sheet.png, frames.csv, frames.json and a plot of the times, frames.png.
+Written are frame_0000.png, ..., contact_sheet.png, frames.csv, frames.json and a plot of the times, frames.png. Times are of
+rendering alone, from the bodies' pose to the radiance of every pixel.
 
 Examples:
   silhouette animate -o film
@@ -63,7 +64,7 @@ impl Animate {
 
         let pool = self.stage.pool()?;
         let terminal = self.stage.terminal();
-        let film = pool.install(|| -> Result<Film> {
+        let film = pool.install(|| -> Result<(Film, String)> {
             let actors = stage.actors(stage.spheres, &terminal)?;
             let set = stage.set(settings.order, &terminal)?;
             let mut probes = stage.probes(&actors, settings.order)?;
@@ -98,21 +99,36 @@ impl Animate {
             }
             film.contact_sheet().write(&self.output.join("contact_sheet.png"))?;
             film.write_statistics(&self.output)?;
-            Ok(film)
+            Ok((film, renderer.device().to_owned()))
         });
         terminal.finish();
-        let film = film?;
-        let mut times: Vec<f64> = film.frames().iter().map(|frame| 1e3 * frame.seconds).collect();
-        times.sort_by(f64::total_cmp);
-        if let (Some(least), Some(most)) = (times.first(), times.last()) {
+        let (film, device) = film?;
+        if let Some(first) = film.frames().first() {
+            let [least, median, most] = spread(film.frames(), |frame| frame.seconds);
+            let stages: [(&str, fn(&FrameStatistics) -> f64); 6] = [
+                ("set-up", |frame| frame.setup_seconds),
+                ("splat", |frame| frame.splat_seconds),
+                ("exponentiate", |frame| frame.exponentiate_seconds),
+                ("indirect", |frame| frame.indirect_seconds),
+                ("shade", |frame| frame.shade_seconds),
+                ("upsample", |frame| frame.upsample_seconds),
+            ];
+            let stages = stages.map(|(name, seconds)| format!("{name} {:.1}", spread(film.frames(), seconds)[1]));
             print(format_args!(
-                "{}: {} frames, {} spheres, {:.1} ms in the median, {least:.1} to {most:.1} ms\n",
+                "{}: {} frames, {} spheres, on {device}: {median:.1} ms in the median, {least:.1} to {most:.1} ms\n{}\n",
                 self.output.display(),
-                times.len(),
-                film.frames()[0].proxies,
-                times[times.len() / 2]
+                film.frames().len(),
+                first.proxies,
+                stages.join(", ")
             ))?;
         }
         if film.frames().len() < self.frames as usize { Err(Error::Interrupted.into()) } else { Ok(()) }
     }
+}
+
+/// The least, the median and the greatest of all frames' times, in milliseconds.
+fn spread(frames: &[FrameStatistics], seconds: impl Fn(&FrameStatistics) -> f64) -> [f64; 3] {
+    let mut times: Vec<f64> = frames.iter().map(|frame| 1e3 * seconds(frame)).collect();
+    times.sort_by(f64::total_cmp);
+    [0, times.len() / 2, times.len() - 1].map(|i| times[i])
 }
