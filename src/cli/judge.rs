@@ -5,7 +5,7 @@ use clap::Args;
 use crate::bake::{Control, Method};
 use crate::proxy::{
     DistantLight, Exponential, IndirectOperator, Interpolant, Overlap, Proxy, Renderer, SelfShadowing, Settings,
-    StaticScene, Surface, Truth, Upsampling,
+    StaticScene, Surface, Truth, Upsampling, Viewport, draw,
 };
 use crate::report::{Deviation, Judgement, Verdict};
 use crate::scene::Camera;
@@ -55,16 +55,16 @@ struct Case {
     mode: String,
     settings: Settings,
     spheres: Option<usize>,
-    shading: BodyShading,
+    subject: Subject,
 }
 
-/// What bodies know of the shadows of what stands still.
+/// What is judged.
 #[derive(Clone, Copy, PartialEq)]
-enum BodyShading {
-    /// Their probes, if anything was baked.
-    Probes,
-    /// Nothing, to show what that costs.
-    Open,
+enum Subject {
+    /// The whole frame.
+    Frame,
+    /// Bodies in the shadows of what stands still, without spheres: with their probes or, to show what these are worth, without.
+    Bodies { probes: bool },
 }
 
 impl Judge {
@@ -142,11 +142,13 @@ impl Court<'_> {
         judgement: &mut Judgement,
         control: &dyn Control,
     ) -> Result<()> {
-        let Case { group, mode, settings, shading, .. } = case;
+        let Case { group, mode, settings, subject, .. } = case;
         let (set, shaded) = self.baked(settings.order, bodies, control)?;
+        let bodies_alone = matches!(subject, Subject::Bodies { .. });
         let light = DistantLight::new(&self.stage.environment, settings.order);
         let mut renderer = Renderer::new(*settings, &self.camera, &set, &light, None)?;
-        renderer.render(if *shading == BodyShading::Probes { &shaded } else { bodies }, proxies)?;
+        let spheres = if bodies_alone { &[][..] } else { proxies };
+        renderer.render(if *subject == (Subject::Bodies { probes: false }) { bodies } else { &shaded }, spheres)?;
         let display = renderer.display();
         if self.surfaces.is_none() {
             let method = Method::Isolines { lines: self.judge.isolines };
@@ -163,13 +165,18 @@ impl Court<'_> {
         let spheres = self.truths.iter().find(|(spheres, _)| spheres == proxies).map(|(_, truth)| truth);
         let (Some(spheres), Some(surfaces)) = (spheres, &self.surfaces) else { return Ok(()) };
 
+        let viewport = Viewport { camera: self.camera.clone(), scale: 1 };
+        let mut still = viewport.nothing(set.transfer_len);
+        draw(&viewport, &set, &mut still);
+        let is_judged = |place: usize| !bodies_alone || display.depth[place] != still.depth[place];
+
         let [width, height] = renderer.size();
         let greatest = light.greatest_irradiance();
         let reflects = settings.indirect.is_some();
         // Irradiance in the picture, and how far it is from the truth.
         let irradiance = |i: usize| {
             let place = display.index(i % width, i / width);
-            display.is_seen(place).then(|| {
+            (display.is_seen(place) && is_judged(place)).then(|| {
                 let (radiance, albedo) = (renderer.radiance()[i], display.albedo.each_ref().map(|plane| plane[place]));
                 let colour = |c: usize| std::f64::consts::PI * f64::from(radiance[c]) / f64::from(albedo[c].max(1e-6));
                 (place, [0, 1, 2].map(colour))
@@ -178,7 +185,8 @@ impl Court<'_> {
         let errors = |truth: &Truth| -> Vec<Option<[f64; 3]>> {
             let error = |i: usize| {
                 let (place, found) = irradiance(i)?;
-                let (open, hidden) = (surfaces.open(place, &light)?, truth.hidden(place, &light)?);
+                let open = surfaces.open(place, &light)?;
+                let hidden = if bodies_alone { [0.0; 3] } else { truth.hidden(place, &light)? };
                 let reflected = if reflects { truth.reflected(place)? } else { [0.0; 3] };
                 // No surface is darker than black, and bands that ring would have it.
                 let expected = |c: usize| (open[c] - hidden[c] + reflected[c]).max(0.0);
@@ -192,7 +200,7 @@ impl Court<'_> {
             group: (*group).into(),
             mode: mode.clone(),
             spheres: deviation(&against_spheres),
-            surfaces: (!reflects).then(|| deviation(&errors(surfaces))),
+            surfaces: (!reflects && !bodies_alone).then(|| deviation(&errors(surfaces))),
         };
         let magnitude = |error: &Option<[f64; 3]>| error.map(|e| (e.iter().map(|x| x * x).sum::<f64>() / 3.0).sqrt());
         let magnitudes: Vec<Option<f64>> = against_spheres.iter().map(magnitude).collect();
@@ -206,7 +214,7 @@ fn cases(is_baked: bool) -> Result<Vec<Case>> {
     let base = Settings { receiver_scale: 1, indirect: None, error: 1.0 / 256.0, ..Settings::default() };
     let mut cases = Vec::new();
     let mut add = |group, mode: String, settings, spheres| {
-        cases.push(Case { group, mode, settings, spheres, shading: BodyShading::Probes });
+        cases.push(Case { group, mode, settings, spheres, subject: Subject::Frame });
     };
     for bands in 2..=6 {
         let order = order(bands)?;
@@ -250,9 +258,9 @@ fn cases(is_baked: bool) -> Result<Vec<Case>> {
         add("with reflected light", operator.to_string(), Settings { indirect: Some(operator), ..base }, None);
     }
     if is_baked {
-        for (mode, shading) in [("none", BodyShading::Open), ("probes", BodyShading::Probes)] {
-            let (group, mode) = ("static shadows on bodies", mode.into());
-            cases.push(Case { group, mode, settings: base, spheres: None, shading });
+        for (mode, probes) in [("none", false), ("probes", true)] {
+            let (group, mode, subject) = ("static shadows on bodies", mode.into(), Subject::Bodies { probes });
+            cases.push(Case { group, mode, settings: base, spheres: None, subject });
         }
     }
     Ok(cases)

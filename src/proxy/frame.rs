@@ -393,6 +393,7 @@ impl Clock {
 mod tests {
     use glam::{DVec3, Vec3};
 
+    use super::super::{Overlap, share_overlap};
     use super::*;
     use crate::sphere::{Order, cap, evaluate};
 
@@ -548,6 +549,24 @@ mod tests {
             // Three receivers across the smallest shadow.
             assert!(error < 0.015, "{interpolant}: {error}");
         }
+    }
+
+    #[test]
+    fn spheres_in_one_place_hide_what_one_hides() {
+        let frame = |overlap, count: usize| {
+            let mut renderer = renderer(Settings { receiver_scale: 1, indirect: None, overlap, ..Settings::default() });
+            let mut body = vec![SPHERES[0]; count];
+            share_overlap(&mut body);
+            renderer.render(&[], &body).unwrap();
+            renderer.radiance().to_vec()
+        };
+        let one = frame(Overlap::Shared, 1);
+        let differs = |other: Vec<[f32; 3]>| {
+            one.iter().flatten().zip(other.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        assert!(differs(frame(Overlap::Shared, 8)) < 1e-5);
+        assert!(differs(frame(Overlap::Multiplied, 8)) > 0.05);
+        assert_eq!(differs(frame(Overlap::Multiplied, 1)), 0.0);
     }
 
     #[test]

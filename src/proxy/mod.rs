@@ -12,7 +12,10 @@
 //! | [`shade()`] | visibility, reflected irradiance, light | [`Shading`]: hidden light and reflected irradiance |
 //! | [`upsample()`] | the shading of coarse receivers | radiance of every pixel of the display |
 //!
-//! [`Renderer`] runs them. What is stored is the light that proxies *hide*: without proxies a picture is that of the unshadowed
+//! What goes before a frame: [`share_overlap`] tells spheres how much of what they hide others of their body hide, too, and
+//! [`Probes`] tell bodies what the set that stands still hides from them.
+//!
+//! [`Renderer`] runs the stages. What is stored is the light that proxies *hide*: without proxies a picture is that of the unshadowed
 //! scene to the bit, and only pixels that some proxy reaches are touched. [`Truth`] judges the result.
 
 mod actor;

@@ -106,7 +106,12 @@ mod tests {
                     random.between(1.0, 2.0) as f32,
                     random.between(0.0, 6.0) as f32,
                 );
-                Proxy { center, radius: random.between(0.1, 0.45) as f32, albedo: Vec3::ZERO, share: 1.0 }
+                Proxy {
+                    center,
+                    radius: random.between(0.1, 0.45) as f32,
+                    albedo: Vec3::ZERO,
+                    share: random.between(0.3, 1.0) as f32,
+                }
             })
             .collect();
         let coverage = Coverage { expansion: 12.0 };
@@ -127,7 +132,7 @@ mod tests {
                         let fade = t * t * (3.0 - 2.0 * t);
                         let zonal = logarithm.of_cap((1.0 - alpha * alpha).sqrt());
                         let log = rotate_zonal(order, offset.normalize(), &zonal);
-                        expected.iter_mut().zip(log).for_each(|(sum, log)| *sum += fade * log);
+                        expected.iter_mut().zip(log).for_each(|(sum, log)| *sum += fade * f64::from(proxy.share) * log);
                     }
                     // The interpolation errors of some spheres, each below 1e-3: see the table's own test.
                     for (k, (found, expected)) in out.vector(i).iter().zip(expected).enumerate() {
