@@ -512,6 +512,12 @@ mod tests {
         // Back where it was: nothing of the other frame is left.
         moving.render(&[body(-2.0)], &SPHERES).unwrap();
         assert_eq!(moving.radiance(), first);
+        // Without proxies a body is lit as its normal has it.
+        let expected = light().irradiance(DVec3::Z).map(|e| (e / std::f64::consts::PI) as f32);
+        let display = moving.display();
+        let white = (0..96 * 72).filter(|i| display.albedo[2][display.index(i % 96, i / 96)] == 1.0);
+        let lit = white.map(|i| moving.unshadowed()[i]).collect::<Vec<_>>();
+        assert!(lit.len() > 50 && lit.iter().flatten().zip(expected.iter().cycle()).all(|(a, b)| (a - b).abs() < 1e-5));
         // A new light changes the picture, and nothing but the light is new.
         let turned = light().rotated(glam::DMat3::from_rotation_y(1.0));
         moving.set_light(&turned, None);

@@ -348,7 +348,12 @@ mod tests {
         let axis = DVec3::new(2.0, -1.0, 2.0) / 3.0;
         let frame =
             glam::DMat3::from_cols(axis.any_orthonormal_vector(), axis.cross(axis.any_orthonormal_vector()), axis);
-        for (alpha, n) in [(0.4, DVec3::new(1.0, 1.0, 0.3)), (0.7, DVec3::new(0.1, -0.8, 1.0)), (0.9, axis)] {
+        for (alpha, n) in [
+            (0.4, DVec3::new(1.0, 1.0, 0.3)),
+            (0.7, DVec3::new(0.1, -0.8, 1.0)),
+            (0.9, axis),
+            (0.95, DVec3::new(1.0, 1.0, 0.3)),
+        ] {
             let n = n.normalize();
             let cosine = clamped_cosine(order(), n);
             let mut y = [0.0; 9];

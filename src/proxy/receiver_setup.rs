@@ -439,7 +439,7 @@ mod tests {
             let mut positions = vec![centre];
             let sides = 40;
             positions.extend((0..sides).map(|k| {
-                // Multiples of 1/8 fall onto middles of pixels.
+                // On a coarse grid: some are equal, and the triangle between them empty.
                 let (s, c) = (std::f32::consts::TAU * k as f32 / sides as f32).sin_cos();
                 let scale = 1.0 / s.abs().max(c.abs());
                 Vec3::new((c * scale * 8.0).round() / 8.0, (s * scale * 8.0).round() / 8.0, 0.0)
@@ -461,6 +461,38 @@ mod tests {
                 }
             }
             assert!(drawn.iter().all(|count| *count == 1), "{drawn:?}");
+        }
+    }
+
+    #[test]
+    fn pixels_on_edges_belong_to_one_triangle() {
+        // Squares with corners in middles of pixels, each cut along one of its diagonals, seen from either side.
+        let mut covered = [[0u8; 13]; 13];
+        for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
+            let corner = |di: u32, dj: u32| DVec2::new(f64::from(4 * (i + di)) + 0.5, f64::from(4 * (j + dj)) + 0.5);
+            let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            let halves = if (i + j) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[b, a, d], [b, d, c]] };
+            for corners in halves {
+                let part = Projected {
+                    triangle: 0,
+                    corners,
+                    inverse_depth: [1.0; 3],
+                    weights: [[0.0; 3]; 3],
+                    area: (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]),
+                    columns: 0..13,
+                    rows: 0..13,
+                    side: 1.0,
+                };
+                for (y, row) in covered.iter_mut().enumerate() {
+                    for (x, count) in row.iter_mut().enumerate() {
+                        *count += u8::from(part.covers(&part.edges(), x, y).is_some());
+                    }
+                }
+            }
+        }
+        // Inside; along the border they may belong to what lies beyond.
+        for (x, y) in (1usize..12).flat_map(|x| (1usize..12).map(move |y| (x, y))) {
+            assert_eq!(covered[y][x], 1, "{x} {y}");
         }
     }
 

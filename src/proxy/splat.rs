@@ -95,6 +95,11 @@ mod tests {
         receivers
     }
 
+    /// How far the table's interpolation may be off, for spheres of sines below 1/2: see its own test.
+    fn interpolation(order: Order, log: f64) -> f64 {
+        2e-4 * log.abs() + 0.25 * std::f64::consts::PI * order.len() as f64 / (LogTable::INTERVALS as f64).powi(2)
+    }
+
     #[test]
     fn equals_the_sum_over_all_spheres() {
         let mut random = Random::new(4);
@@ -124,7 +129,7 @@ mod tests {
             for y in 0..receivers.height() {
                 for x in (0..receivers.width()).step_by(5) {
                     let i = receivers.index(x, y);
-                    let mut expected = vec![0.0; order.len()];
+                    let (mut expected, mut allowed) = (vec![0.0; order.len()], vec![1e-5; order.len()]);
                     for proxy in proxies.iter().filter(|_| receivers.is_seen(i)) {
                         let offset: DVec3 = (proxy.center - receivers.point(i)).as_dvec3();
                         let alpha = f64::from(proxy.radius) / offset.length();
@@ -132,11 +137,14 @@ mod tests {
                         let fade = t * t * (3.0 - 2.0 * t);
                         let zonal = logarithm.of_cap((1.0 - alpha * alpha).sqrt());
                         let log = rotate_zonal(order, offset.normalize(), &zonal);
-                        expected.iter_mut().zip(log).for_each(|(sum, log)| *sum += fade * f64::from(proxy.share) * log);
+                        for (k, log) in log.into_iter().enumerate() {
+                            expected[k] += fade * f64::from(proxy.share) * log;
+                            allowed[k] += interpolation(order, log);
+                        }
                     }
-                    // The interpolation errors of some spheres, each below 1e-3: see the table's own test.
                     for (k, (found, expected)) in out.vector(i).iter().zip(expected).enumerate() {
-                        assert!((f64::from(*found) - expected).abs() < 5e-3, "order {bands}, {k}: {found} {expected}");
+                        let error = (f64::from(*found) - expected).abs();
+                        assert!(error < allowed[k], "order {bands}, {k}: {found} {expected} +- {}", allowed[k]);
                     }
                 }
             }

@@ -182,6 +182,23 @@ mod tests {
     }
 
     #[test]
+    fn straight_sides_touch_the_balls_along_them() {
+        let limbs = Walker::default().limbs(0.7);
+        for limb @ [(a, ra), (b, rb)] in &limbs {
+            let mut surface = Surface::default();
+            rounded_cone(limb, &mut surface);
+            for step in 0..AROUND {
+                let [from, to] = [RINGS - 1, RINGS].map(|ring| surface.positions[ring * AROUND + step].as_dvec3());
+                let middle = from.midpoint(to);
+                let ball = |k: i32| (a.lerp(*b, f64::from(k) / 1e3), ra + f64::from(k) / 1e3 * (rb - ra));
+                let outside = (0..=1000).map(ball).map(|(c, r)| c.distance(middle) - r).fold(f64::INFINITY, f64::min);
+                // A thousand balls miss the straight line by about length^2 / 8 radius / 1000^2.
+                assert!(outside.abs() < 1e-5, "{outside}");
+            }
+        }
+    }
+
+    #[test]
     fn walkers_walk_and_swing() {
         let walker = Walker::default();
         let [now, later] = [0.0, 0.4].map(|time| walker.pose(time));
