@@ -105,7 +105,8 @@ impl Animate {
         let (film, device) = film?;
         if let Some(first) = film.frames().first() {
             let [least, median, most] = spread(film.frames(), |frame| frame.seconds);
-            let stages: [(&str, fn(&FrameStatistics) -> f64); 6] = [
+            type Seconds = fn(&FrameStatistics) -> f64;
+            let stages: [(&str, Seconds); 6] = [
                 ("set-up", |frame| frame.setup_seconds),
                 ("splat", |frame| frame.splat_seconds),
                 ("exponentiate", |frame| frame.exponentiate_seconds),
