@@ -47,11 +47,11 @@ fn bench(criterion: &mut Criterion) {
     let sum: Vec<f64> = moments.sets[0].iter().zip(&moments.sets[1]).map(|(even, odd)| even + odd).collect();
     assert!((ambient_occlusion(&sum, DVec3::NEG_Z) - 1.0).abs() < 1e-12, "harmonics along lines");
     let mut moments = LightMoments::default();
+    moments.clear(&light);
     let frame = Frame::facing(None, 0);
     open_intervals(&isolines, frame, None, |interval| moments.add(&light, frame.axis(), interval));
-    let [even, odd] = moments.vectors();
     let expected = sky.patches(1).map(|(moment, radiance)| moment * f64::from(radiance.x)).sum::<DVec3>();
-    assert!((even[0] + odd[0]).distance(expected) < 1e-9, "light along lines");
+    assert!(moments.vectors()[0].distance(expected) < 1e-9, "light along lines");
 
     // What the judge's rays hit first is on the tree's way, too.
     let (tree, rays) = (faces(), RayScene::new(&geometry));

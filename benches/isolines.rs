@@ -78,6 +78,7 @@ impl Engine<'_> {
             for receiver in receivers {
                 let frame = Frame::facing(receiver.normal, 0);
                 let mut moments = LightMoments::default();
+                moments.clear(table);
                 viewer.face(receiver, &mut self.view);
                 let sight = viewer.follow(&self.isolines, frame, receiver, &mut self.view, |interval| {
                     moments.add(table, frame.axis(), interval);
@@ -87,8 +88,7 @@ impl Engine<'_> {
                         moments.add(table, frame.axis(), interval);
                     });
                 }
-                let [even, odd] = moments.vectors();
-                rows.extend(even.iter().zip(&odd).flat_map(|(&even, &odd)| (even + odd).to_array()));
+                rows.extend(moments.vectors().iter().flat_map(|light| light.to_array()));
             }
         }
         rows

@@ -326,23 +326,17 @@ fn skips_change_no_bit() {
     let far = Receivers::points((0..20).map(|i| (DVec3::new(50.0, f64::from(i), 0.0), DVec3::X)));
     let probes = Receivers::probes(points.positions[..40].to_vec());
     let all = Skips::default();
-    let fewer = [
-        Skips { below_horizon: false, ..all },
-        Skips { shared_searches: false, ..all },
-        Skips { open_receivers: false, ..all },
-        Skips { enclosed_receivers: false, ..all },
-        Skips { between_isolines: false, ..all },
-        Skips::NONE,
-    ];
+    let fewer: Vec<Skips> = Skips::each().into_iter().map(|(_, skips)| skips).chain([Skips::NONE]).collect();
     for (geometry, receivers) in [(&room, &vertices), (&geometry, &points), (&geometry, &far), (&geometry, &probes)] {
         let request = request(receivers, Some(&environment), ORDER);
         let with = |skips| {
             let method = Method::Isolines { lines: 32 };
-            let prepared = Prepared::new(geometry, Some(&environment)).with_skips(skips);
+            let mut prepared = Prepared::new(geometry, Some(&environment));
+            prepared.set_skips(skips);
             prepared.integrate(receivers, &request, method, None, &()).unwrap()
         };
         let expected = with(all);
-        for skips in fewer {
+        for &skips in &fewer {
             let found = with(skips);
             assert!(found.arrays == expected.arrays, "{skips:?}");
             let count = |name: &str| (found.statistics.skipped[name], expected.statistics.skipped[name]);

@@ -654,3 +654,41 @@ fn what_proxies_cannot_do_is_said_in_one_line() {
     lines(fails(folder, "animate --device gpu -o film", 1), "--features gpu");
     assert!(listing(folder).iter().all(|name| name.ends_with(".toml")));
 }
+
+#[test]
+fn a_bake_after_a_move_keeps_what_the_move_cannot_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = |x: f64| {
+        format!(
+            "[[mesh]]\nshape.plane = {{ size = [8, 8], divisions = [12, 12] }}\n\
+             [[mesh]]\nshape.box = {{ size = [0.2, 9, 40] }}\ntranslate = [0, 4.51, 0]\n\
+             [[mesh]]\nshape.icosphere = {{ radius = 0.5, subdivisions = 2 }}\ntranslate = [{x}, 0.8, 0]\n"
+        )
+    };
+    std::fs::write(folder.join("old.toml"), scene(2.0)).unwrap();
+    std::fs::write(folder.join("new.toml"), scene(2.5)).unwrap();
+    succeeds(folder, "bake old.toml -o old.npz --isolines 64 --sh-phase condon-shortley");
+    let text = succeeds(
+        folder,
+        "bake new.toml -o new.npz --isolines 64 --update old.npz --before old.toml --stats stats.json --quiet",
+    );
+    assert_eq!(text, "");
+    succeeds(folder, "bake new.toml -o whole.npz --isolines 64 --quiet");
+    let kept = statistics(&folder.join("stats.json"))["skipped"]["finished_before"].as_u64().unwrap();
+    let [new, whole] = ["new.npz", "whole.npz"].map(|name| writers::npz::read(&folder.join(name)).unwrap().arrays);
+    let all = whole.get("ambient_occlusion").unwrap().data.len() as u64;
+    assert!(kept > all / 5 && kept < all, "{kept} of {all}");
+    for array in whole.iter().filter(|array| !array.name.ends_with("_error")) {
+        let found = &new.get(&array.name).unwrap().data;
+        assert!(array.data.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-11), "{}", array.name);
+    }
+    let update = "bake new.toml -o x.npz --quiet --update old.npz --before old.toml";
+    let text = fails(folder, &format!("{update} --isolines 32"), 1);
+    assert!(text.contains("was made with isolines = 64, not 32") && text.lines().count() == 1, "{text}");
+    fails(folder, &format!("{update} --resume"), 2);
+    fails(folder, "bake new.toml -o x.npz --update old.npz", 2);
+    let text = fails(folder, "bake new.toml -o x.npz --isolines 64 --update none.npz --before old.toml", 1);
+    assert!(text.contains("none.npz") && text.lines().count() == 1, "{text}");
+    assert!(!folder.join("x.npz").exists());
+}

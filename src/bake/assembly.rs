@@ -18,7 +18,7 @@ pub(super) struct Seen {
     /// Integral of L V w per colour, under textured light.
     pub(super) light: [DVec3; 3],
     /// Estimated absolute error of each of its components.
-    pub(super) light_error: f64,
+    pub(super) light_error: [DVec3; 3],
 }
 
 /// How what is asked for follows from what is seen.
@@ -96,29 +96,31 @@ impl<'a> Assembly<'a> {
         if let (Some(out), Some(normal)) = (self.layout.slice("transfer_sh", row), normal) {
             integrand::transfer(self.order, visibility, normal, out);
         }
-        let (vectors, vector_error) = match self.even {
+        let (vectors, vector_errors) = match self.even {
             Some(radiance) => {
                 let moment = integrand::visible_moment(visibility);
                 let brightest = radiance.into_iter().fold(0.0, f64::max);
                 // Band 1 holds the moment times sqrt(3 / 4 pi).
-                (integrand::even_vector_irradiance(moment, radiance), brightest * visibility_error * 2.05)
+                let error = DVec3::splat(brightest * visibility_error * 2.05);
+                (integrand::even_vector_irradiance(moment, radiance), [error; 3])
             }
             None => (*light, *light_error),
         };
         if let Some(out) = self.layout.slice("vector_irradiance", row) {
             out.copy_from_slice(vectors.map(|vector| vector.to_array()).as_flattened());
         }
+        if let Some(out) = self.layout.slice("vector_irradiance_error", row) {
+            out.copy_from_slice(vector_errors.map(|error| error.to_array()).as_flattened());
+        }
         if let (Some(out), Some(normal)) = (self.layout.slice("irradiance", row), normal) {
             out.copy_from_slice(&vectors.map(|vector| vector.dot(normal)));
+        }
+        if let (Some(out), Some(normal)) = (self.layout.slice("irradiance_error", row), normal) {
+            out.copy_from_slice(&vector_errors.map(|error| error.dot(normal.abs())));
         }
         for (name, _, factor) in FACTORS {
             if let Some(out) = self.layout.slice(name, row) {
                 out.fill(visibility_error * factor);
-            }
-        }
-        for name in ["irradiance_error", "vector_irradiance_error"] {
-            if let Some(out) = self.layout.slice(name, row) {
-                out.fill(vector_error);
             }
         }
     }

@@ -1,3 +1,4 @@
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
@@ -88,8 +89,9 @@ pub(super) fn run<B: Baker>(
     started: Instant,
     control: &dyn Control,
 ) -> Result<Outcome> {
-    let mut rows = Rows::new(layout, receivers.len(), resume)?;
-    let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !rows.done[i as usize]).collect();
+    let results = Results::new(layout, receivers.len(), resume)?;
+    let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !results.done[i as usize]).collect();
+    let finished_before = (receivers.len() - todo.len()) as u64;
     let positions: Vec<_> = todo.iter().map(|&i| receivers.positions[i as usize]).collect();
     let diagonal = geometry.bounds().map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
     let mut tiles = tiles(&positions, TILE_RADIUS * diagonal);
@@ -98,35 +100,28 @@ pub(super) fn run<B: Baker>(
 
     control.begin("integrating", todo.len() as u64);
     let (started, processor) = (Instant::now(), ProcessTime::try_now());
-    let finished: Vec<Option<(Vec<f64>, Counts)>> = tiles
-        .par_iter()
-        .map_init(B::Memory::default, |memory, tile| {
-            if control.cancelled() {
-                return Ok(None);
-            }
-            let mut rows = vec![0.0; tile.len() * layout.width];
-            let counts = baker.tile(receivers, tile, &mut rows, memory)?;
-            control.advance(tile.len() as u64);
-            Ok(Some((rows, counts)))
-        })
-        .collect::<Result<_>>()?;
+    // One at a time: what is written is little beside what is computed, and each value is in memory once.
+    let results = Mutex::new(results);
+    tiles.par_iter().try_for_each_init(Default::default, |(memory, rows): &mut (B::Memory, Vec<f64>), tile| {
+        if control.cancelled() {
+            return Ok(());
+        }
+        rows.clear();
+        rows.resize(tile.len() * layout.width, 0.0);
+        let counts = baker.tile(receivers, tile, rows, memory)?;
+        results.lock().unwrap_or_else(PoisonError::into_inner).set(layout, tile, rows, counts);
+        control.advance(tile.len() as u64);
+        Ok::<_, Error>(())
+    })?;
+    let Results { columns, done, counts, solved } = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     let integrate_seconds = started.elapsed().as_secs_f64();
     // Where there is no such clock, all threads are taken to have worked all the time.
     let processor_seconds = match processor.and_then(|clock| clock.try_elapsed()) {
         Ok(time) => time.as_secs_f64(),
         Err(_) => integrate_seconds * rayon::current_num_threads() as f64,
     };
-
-    let (mut counts, mut solved) = (Counts::default(), 0);
-    for (tile, finished) in tiles.iter().zip(finished) {
-        let Some((values, tile_counts)) = finished else { continue };
-        solved += tile.len() as u64;
-        counts += tile_counts;
-        for (&receiver, row) in tile.iter().zip(values.chunks_exact(layout.width)) {
-            rows.set(receiver as usize, row);
-        }
-    }
     let skipped = [
+        ("finished_before", finished_before),
         ("open_receivers", counts.open),
         ("enclosed_receivers", counts.enclosed),
         ("shared_searches", counts.shared_searches),
@@ -149,57 +144,54 @@ pub(super) fn run<B: Baker>(
         estimated_error: None,
         skipped: skipped.into_iter().map(|(name, count)| (name.to_owned(), count)).collect(),
     };
-    let done = std::mem::take(&mut rows.done);
-    Ok(Outcome { arrays: rows.into_arrays(layout)?, done, statistics })
+    let mut arrays = Arrays::new();
+    for ((name, _, shape), data) in layout.arrays.iter().zip(columns) {
+        let shape: Vec<usize> = [receivers.len()].into_iter().chain(shape.iter().copied()).collect();
+        arrays.push(Array::new(name.as_str(), shape, data))?;
+    }
+    Ok(Outcome { arrays, done, statistics })
 }
 
-/// The values of all receivers, row by row.
-struct Rows {
-    values: Vec<f64>,
-    width: usize,
+/// What has been found so far.
+struct Results {
+    /// The values of each array, a row for each receiver.
+    columns: Vec<Vec<f64>>,
     done: Vec<bool>,
+    counts: Counts,
+    solved: u64,
 }
 
-impl Rows {
+impl Results {
     /// Nothing done, or what `resume` has.
     fn new(layout: &Layout, receivers: usize, resume: Option<Partial>) -> Result<Self> {
-        let width = layout.width;
-        let mut rows = Self { values: vec![0.0; receivers * width], width, done: vec![false; receivers] };
-        let Some(partial) = resume else { return Ok(rows) };
+        let (counts, solved) = (Counts::default(), 0);
+        let Some(mut partial) = resume else {
+            let columns = layout.arrays.iter().map(|(_, _, shape)| vec![0.0; receivers * size(shape)]).collect();
+            return Ok(Self { columns, done: vec![false; receivers], counts, solved });
+        };
         partial.check(receivers)?;
-        for (name, offset, shape) in &layout.arrays {
-            let size: usize = shape.iter().product();
-            let data = match partial.arrays.get(name) {
-                Some(array) if array.shape[1..] == shape[..] => &array.data,
-                _ => {
-                    return Err(Error::input(format!(
-                        "the finished part has no array {name} as asked for; begin anew"
-                    )));
-                }
-            };
-            for (row, part) in rows.values.chunks_exact_mut(width).zip(data.chunks_exact(size)) {
-                row[*offset..*offset + size].copy_from_slice(part);
+        let columns = layout.arrays.iter().map(|(name, _, shape)| match partial.arrays.remove(name) {
+            Some(array) if array.shape[1..] == shape[..] => Ok(array.data),
+            _ => Err(Error::input(format!("the finished part has no array {name} as asked for; begin anew"))),
+        });
+        Ok(Self { columns: columns.collect::<Result<_>>()?, done: partial.done, counts, solved })
+    }
+
+    /// Takes in the rows of a tile.
+    fn set(&mut self, layout: &Layout, tile: &[u32], rows: &[f64], counts: Counts) {
+        for (&receiver, row) in tile.iter().zip(rows.chunks_exact(layout.width)) {
+            for ((_, offset, shape), column) in layout.arrays.iter().zip(&mut self.columns) {
+                let size = size(shape);
+                column[receiver as usize * size..][..size].copy_from_slice(&row[*offset..][..size]);
             }
+            self.done[receiver as usize] = true;
         }
-        rows.done = partial.done;
-        Ok(rows)
+        self.counts += counts;
+        self.solved += tile.len() as u64;
     }
+}
 
-    fn set(&mut self, receiver: usize, row: &[f64]) {
-        self.values[receiver * self.width..][..self.width].copy_from_slice(row);
-        self.done[receiver] = true;
-    }
-
-    fn into_arrays(self, layout: &Layout) -> Result<Arrays> {
-        let mut arrays = Arrays::new();
-        for (name, offset, shape) in &layout.arrays {
-            let size: usize = shape.iter().product();
-            let rows = self.values.chunks_exact(self.width);
-            let data = rows.flat_map(|row| &row[*offset..*offset + size]).copied().collect();
-            let shape: Vec<usize> =
-                std::iter::once(self.values.len() / self.width).chain(shape.iter().copied()).collect();
-            arrays.push(Array::new(name.as_str(), shape, data))?;
-        }
-        Ok(arrays)
-    }
+/// Numbers of one receiver.
+fn size(shape: &[usize]) -> usize {
+    shape.iter().product()
 }

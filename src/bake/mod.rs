@@ -22,6 +22,7 @@ mod request;
 mod solver;
 mod statistics;
 mod tiles;
+mod update;
 pub mod writers;
 
 pub use crate::visibility::Skips;
@@ -39,3 +40,4 @@ pub use receivers::Receivers;
 pub use request::{Method, Outcome, Request};
 pub use statistics::Statistics;
 pub use tiles::{TILE_RADIUS, TILE_RECEIVERS, tiles};
+pub use update::Changes;

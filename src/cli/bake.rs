@@ -16,6 +16,7 @@ use super::Failure;
 use super::method::MethodOptions;
 use super::options::{HarmonicsOptions, framing, scene, vertices};
 use super::run::{RunOptions, Work};
+use super::update::UpdateOptions;
 
 /// Bakes visibility at the vertices of a scene
 #[derive(Args)]
@@ -39,6 +40,8 @@ pub struct Bake {
     method: MethodOptions,
     #[command(flatten)]
     harmonics: HarmonicsOptions,
+    #[command(flatten)]
+    update: UpdateOptions,
     #[command(flatten)]
     run: RunOptions,
 }
@@ -71,7 +74,9 @@ Examples:
   silhouette bake room.toml -o room.npz --order 6 --isolines 512
   silhouette bake dragon.obj -o dragon.ply --quantities occlusion,bent-normal
   silhouette bake dragon.obj -o dragon.npz --error 1e-3  in the least time
-  silhouette bake dragon.obj -o dragon.ply --resume      after Ctrl-C";
+  silhouette bake dragon.obj -o dragon.ply --resume      after Ctrl-C
+  silhouette bake moved.toml -o moved.npz --update room.npz --before room.toml
+                                                         only what the move can change";
 
 impl Bake {
     /// Bakes and writes the file, and the preview.
@@ -100,6 +105,7 @@ impl Bake {
             Provenance::default().with("order", request.order).with("scene", name).with("gradients", self.gradients);
         let scene = scene(self.scene.as_deref())?;
         let receivers = vertices(&scene.geometry);
+        let earlier = self.update.earlier(&scene.geometry)?;
 
         let work = Work {
             geometry: &scene.geometry,
@@ -107,6 +113,7 @@ impl Bake {
             receivers: &receivers,
             request: &request,
             choice,
+            earlier: earlier.as_ref(),
             parameters,
         };
         let pool = self.run.pool()?;

@@ -100,6 +100,7 @@ impl Integrate {
             receivers: &receivers,
             request: &request,
             choice,
+            earlier: None,
             parameters,
         };
         let (arrays, provenance) = self.run.integrate(&work, &self.output, &self.run.pool()?)?;

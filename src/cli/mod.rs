@@ -17,6 +17,7 @@ mod run;
 mod stage;
 mod stress;
 mod terminal;
+mod update;
 
 use std::io::{self, Write};
 use std::process::ExitCode;

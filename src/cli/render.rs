@@ -100,7 +100,7 @@ impl Render {
         let parameters = self.light.record(parameters);
 
         let (geometry, receivers) = (&scene.geometry, &pixels.receivers);
-        let work = Work { geometry, environment, receivers, request: &request, choice, parameters };
+        let work = Work { geometry, environment, receivers, request: &request, choice, earlier: None, parameters };
         let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
         if let Some(irradiance) = arrays.get("irradiance") {
             let radiance = reflected(&scene.geometry, &pixels.faces, irradiance);

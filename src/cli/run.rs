@@ -15,6 +15,7 @@ use crate::{Error, Result};
 use super::method::Choice;
 use super::say;
 use super::terminal::Terminal;
+use super::update::Earlier;
 
 /// What is to be integrated where, and how.
 pub struct Work<'a> {
@@ -23,6 +24,8 @@ pub struct Work<'a> {
     pub receivers: &'a Receivers,
     pub request: &'a Request,
     pub choice: Choice,
+    /// A result from before something has moved.
+    pub earlier: Option<&'a Earlier>,
     /// What else the numbers depend on.
     pub parameters: Provenance,
 }
@@ -90,13 +93,14 @@ impl RunOptions {
     pub fn integrate(&self, work: &Work, out: &Path, pool: &ThreadPool) -> Result<(Arrays, Provenance)> {
         let prepared = Prepared::new(work.geometry, work.environment);
         let terminal = Terminal::new(self.quiet);
-        let (method, plan) = match work.choice {
-            Choice::Method(method) => (method, None),
-            Choice::Goal(_) if self.resume => match Partial::provenance(&kept(out)?)?.integrated_by() {
+        let (method, plan) = match (work.choice, work.earlier) {
+            (Choice::Method(method), _) => (method, None),
+            (Choice::Goal(_), Some(earlier)) => (earlier.method()?, None),
+            (Choice::Goal(_), None) if self.resume => match Partial::provenance(&kept(out)?)?.integrated_by() {
                 Some(method) => (method, None),
                 None => return Err(Error::file(kept(out)?, "does not say by what method it was made; begin anew")),
             },
-            Choice::Goal(goal) => {
+            (Choice::Goal(goal), None) => {
                 let plan = pool.install(|| prepared.plan(work.receivers, work.request, goal, &terminal));
                 terminal.finish();
                 let plan = plan?;
@@ -107,7 +111,10 @@ impl RunOptions {
             }
         };
         let provenance = work.provenance(method);
-        let resumed = self.resumed(out, &provenance)?;
+        let resumed = match work.earlier {
+            Some(earlier) => Some(earlier.part(work.receivers, &provenance, self.quiet)?),
+            None => self.resumed(out, &provenance)?,
+        };
         let outcome = pool.install(|| prepared.integrate(work.receivers, work.request, method, resumed, &terminal));
         terminal.finish();
         let mut outcome = outcome?;

@@ -5,6 +5,7 @@
 mod contestant;
 mod curve;
 mod event;
+mod gain;
 mod machine;
 mod report;
 mod row;
@@ -15,6 +16,7 @@ mod truth;
 pub use contestant::{Builds, Contestant, Entrant, Run};
 pub use curve::{Curve, Time};
 pub use event::{Settings, run_event};
+pub use gain::Gain;
 pub use machine::Machine;
 pub use report::{Race, race};
 pub use row::{Row, Verdict};

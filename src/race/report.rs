@@ -11,7 +11,7 @@ use crate::{Error, Result};
 
 use super::contestant::{AtOneSetting, Builds, Contestant, Entrant};
 use super::event::{EVENT_STEPS, Settings, run_event};
-use super::{Comparison, Machine, Quantity, Row, Track, Truth, Verdict};
+use super::{Comparison, Gain, Machine, Quantity, Row, Track, Truth, Verdict};
 
 /// All that a race found, and how.
 #[derive(Clone, Debug)]
@@ -24,6 +24,8 @@ pub struct Race {
     pub settings: Settings,
     /// Every contestant at every setting.
     pub rows: Vec<Row>,
+    /// What leaving needless work undone gains.
+    pub gains: Vec<Gain>,
     /// What else is to be known, a sentence each.
     pub notes: Vec<String>,
 }
@@ -51,7 +53,14 @@ pub fn race(
     let pools = pools.collect::<std::result::Result<Vec<_>, _>>();
     let pools =
         pools.map_err(|error| Error::input(format!("the threads cannot be started ({error}); ask for fewer")))?;
-    let mut race = Race { machine: Machine::here(), command_line, settings, rows: Vec::new(), notes: Vec::new() };
+    let mut race = Race {
+        machine: Machine::here(),
+        command_line,
+        settings,
+        rows: Vec::new(),
+        gains: Vec::new(),
+        notes: Vec::new(),
+    };
     control.begin("racing", EVENT_STEPS * (tracks.len() * quantities.len()) as u64);
     for track in tracks {
         let track = track?;
@@ -68,6 +77,8 @@ pub fn race(
             race.write(folder)?;
             result?;
         }
+        race.gains.extend(first.install(|| Gain::measure(prepared, &track, control))?);
+        race.write(folder)?;
     }
     Ok(race)
 }
@@ -185,6 +196,7 @@ impl Race {
         self.write_targets(&mut text);
         self.write_times(&mut text);
         self.write_builds(&mut text);
+        self.write_gains(&mut text);
         let bad: Vec<&Row> = self.rows.iter().filter(|row| !row.counts()).collect();
         let _ = writeln!(text, "\n## What did not count\n");
         if bad.is_empty() && self.notes.is_empty() {
@@ -294,6 +306,30 @@ impl Race {
                 let longest = longest.fold(0.0, f64::max);
                 let _ = writeln!(text, "| {} | {} | {} | {longest:.3} |", row.scene, row.triangles, row.method);
             }
+        }
+    }
+
+    fn write_gains(&self, text: &mut String) {
+        if self.gains.is_empty() {
+            return;
+        }
+        let _ = write!(
+            text,
+            "\n## What is not done\n\nOcclusion along {} isolines, microseconds of processor time a receiver: with all \
+             needless work left undone, and with one kind of it done after all.\n\n\
+             | scene | work | left undone | done | done / undone | same bits |\n|---|---|--:|--:|--:|---|\n",
+            super::gain::LINES
+        );
+        for Gain { scene, skip, with, without, same_bits } in &self.gains {
+            let (times, ratio) = ([with, without].map(|time| significant(1e6 * time)), without / with);
+            let same = if *same_bits { "yes" } else { "**no**" };
+            let _ = writeln!(
+                text,
+                "| {scene} | {} | {} | {} | {ratio:.2} | {same} |",
+                skip.replace('_', " "),
+                times[0],
+                times[1]
+            );
         }
     }
 

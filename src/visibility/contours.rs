@@ -31,11 +31,17 @@ pub struct ReceiverContours {
     pub heights: Vec<f64>,
     /// Arcs with a non-zero jump. Above the horizon every vertex is balanced: jumps of incoming and outgoing arcs agree.
     pub arcs: Vec<Arc>,
-    local: Vec<u32>,
+    /// Heights of all candidates' vertices, and their places among the directions.
+    all_heights: Vec<f64>,
+    places: Vec<u32>,
 }
 
+/// A vertex that has no place among the directions yet.
+const UNSEEN: u32 = u32::MAX;
+
 impl ReceiverContours {
-    /// Projects the contours found among the candidates of a tile; arcs that lie below the horizon are left out.
+    /// Projects the contours found among the candidates of a tile; arcs that lie below the horizon are left out, and vertices
+    /// that no other arc has.
     pub fn project(
         &mut self,
         candidates: &dual_bvh::Candidates,
@@ -43,30 +49,81 @@ impl ReceiverContours {
         position: DVec3,
         normal: Option<DVec3>,
     ) {
-        const UNSEEN: u32 = u32::MAX;
         self.directions.clear();
         self.heights.clear();
         self.arcs.clear();
-        self.local.clear();
-        self.local.resize(candidates.vertices().len(), UNSEEN);
+        self.places.clear();
+        self.places.resize(candidates.vertices().len(), UNSEEN);
+        self.all_heights.clear();
+        self.all_heights.resize(candidates.vertices().len(), 1.0);
+        if let Some(normal) = normal {
+            measure(candidates.coordinates(), position, normal, &mut self.all_heights);
+        }
         for contour in contours.edges() {
             let edge = &candidates.edges()[contour.edge as usize];
-            let [a, b] = [edge.a, edge.b].map(|vertex| {
-                let local = &mut self.local[vertex as usize];
-                if *local == UNSEEN {
-                    *local = self.directions.len() as u32;
-                    let direction = candidates.position(vertex) - position;
-                    self.directions.push(direction);
-                    self.heights.push(normal.map_or(1.0, |n| n.dot(direction)));
-                }
-                *local
-            });
-            if self.heights[a as usize] < 0.0 && self.heights[b as usize] < 0.0 {
+            let heights = [edge.a, edge.b].map(|vertex| self.all_heights[vertex as usize]);
+            if (heights[0] < 0.0) & (heights[1] < 0.0) {
                 continue;
             }
-            let plane =
-                arc_plane(self.directions[a as usize], candidates.position(edge.a), candidates.position(edge.b));
-            self.arcs.push(Arc { a, b, jump: contour.jump, plane });
+            let [xa, xb] = [edge.a, edge.b].map(|vertex| candidates.position(vertex));
+            let a = self.enter(edge.a, xa - position, heights[0]);
+            let b = self.enter(edge.b, xb - position, heights[1]);
+            self.arcs.push(Arc { a, b, jump: contour.jump, plane: arc_plane(xa - position, xa, xb) });
         }
+    }
+
+    /// The place of a vertex among the directions, which it gets at its first use.
+    #[inline(always)]
+    fn enter(&mut self, vertex: u32, direction: DVec3, height: f64) -> u32 {
+        let place = &mut self.places[vertex as usize];
+        if *place == UNSEEN {
+            *place = self.directions.len() as u32;
+            self.directions.push(direction);
+            self.heights.push(height);
+        }
+        *place
+    }
+}
+
+/// Heights of positions, given by component, above the horizon of a receiver.
+fn measure(coordinates: [&[f32]; 3], position: DVec3, normal: DVec3, heights: &mut [f64]) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the feature.
+        return unsafe { measure_avx2(coordinates, position, normal, heights) };
+    }
+    measure_inline(coordinates, position, normal, heights);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn measure_avx2(coordinates: [&[f32]; 3], position: DVec3, normal: DVec3, heights: &mut [f64]) {
+    measure_inline(coordinates, position, normal, heights);
+}
+
+#[inline(always)]
+fn measure_inline(coordinates: [&[f32]; 3], position: DVec3, normal: DVec3, heights: &mut [f64]) {
+    let [x, y, z] = coordinates;
+    for (((height, &x), &y), &z) in heights.iter_mut().zip(x).zip(y).zip(z) {
+        *height = normal.dot(DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - position);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn portable_and_dispatched_heights_agree_to_the_bit() {
+        let number = |i: usize| ((i * 7919 % 1009) as f32 - 504.0) / 37.0;
+        let coordinates = [0, 1, 2].map(|axis| (0..103).map(|i| number(3 * i + axis)).collect::<Vec<f32>>());
+        let coordinates = coordinates.each_ref().map(Vec::as_slice);
+        let (position, normal) = (DVec3::new(0.1, -2.3, 4.5), DVec3::new(3.0, -1.0, 2.0).normalize());
+        let (mut dispatched, mut portable) = (vec![0.0; 103], vec![0.0; 103]);
+        measure(coordinates, position, normal, &mut dispatched);
+        measure_inline(coordinates, position, normal, &mut portable);
+        assert_eq!(dispatched, portable);
+        let [x, y, z] = coordinates.map(|axis| f64::from(axis[102]));
+        assert_eq!(dispatched[102], normal.dot(DVec3::new(x, y, z) - position));
     }
 }

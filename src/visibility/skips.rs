@@ -23,6 +23,18 @@ impl Skips {
         enclosed_receivers: false,
         between_isolines: false,
     };
+
+    /// For each kind of work its name, and everything left out but that.
+    pub fn each() -> [(&'static str, Self); 5] {
+        let all = Self::default();
+        [
+            ("below_horizon", Self { below_horizon: false, ..all }),
+            ("shared_searches", Self { shared_searches: false, ..all }),
+            ("open_receivers", Self { open_receivers: false, ..all }),
+            ("enclosed_receivers", Self { enclosed_receivers: false, ..all }),
+            ("between_isolines", Self { between_isolines: false, ..all }),
+        ]
+    }
 }
 
 impl Default for Skips {

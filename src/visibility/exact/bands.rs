@@ -1,224 +1,184 @@
-//! Active edges by latitude: a vertex is compared with those that come near its latitude alone.
+//! Active chains by latitude: a vertex is compared with those that come near its latitude alone.
+
+use std::ops::RangeInclusive;
 
 use glam::DVec3;
 
-use super::edges::{Edge, Edges, NIL};
-use super::slots::{Slots, has, set};
+use super::chains::Chain;
+use super::edges::Edges;
+use super::latitudes::MOST_BANDS;
+use super::slots::Slots;
 
-/// Edges that a band should hold at a time.
-const EDGES_PER_BAND: usize = 16;
-const MOST_BANDS: usize = 64;
-/// Equal parts of z from pole to pole, of which bands are made.
-const PARTS: usize = 512;
-
-/// What is known of an active edge since it started.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Active {
-    pub start: DVec3,
-    pub starts_above_horizon: bool,
-    /// Some vertex could not be told to be above or below of it.
-    pub is_doubtful: bool,
-    /// The bands that it comes into, from the pole downwards.
-    pub first_band: u32,
-    pub last_band: u32,
-    /// Where its slots in them are listed.
-    slots: u32,
-    /// W just above its start, if that is above the horizon.
-    pub above: i32,
-    /// The last of its crossings found, linked.
-    pub crossings: u32,
-    /// Sum of their changes of W, and of those that are negative.
-    pub change: i32,
-    pub fall: i32,
-}
-
-impl Active {
-    pub fn new(above: i32, start: DVec3, starts_above_horizon: bool) -> Self {
-        Self {
-            start,
-            starts_above_horizon,
-            is_doubtful: false,
-            first_band: 0,
-            last_band: 0,
-            slots: NIL,
-            above,
-            crossings: NIL,
-            change: 0,
-            fall: 0,
-        }
-    }
-
-    pub fn bands(&self) -> std::ops::RangeInclusive<usize> {
-        self.first_band as usize..=self.last_band as usize
-    }
-}
-
-/// One band.
-#[derive(Debug, Default)]
-pub(super) struct Band {
-    pub slots: Slots,
-    /// Sum of the jumps of the active edges that lie above the band.
-    jumps_above: i32,
-    /// Which of its edges pass above the vertex at hand.
-    pub above: Vec<u64>,
-    /// Sum of their jumps.
-    jumps: i32,
-}
-
-/// The active edges, each in all bands that it comes into.
+/// The active chains, each in all bands that it comes into.
 #[derive(Debug, Default)]
 pub(super) struct Bands {
-    pub bands: Vec<Band>,
-    count: usize,
-    /// Band of each part of z.
-    band_of: Vec<u8>,
-    /// By edge.
-    pub active: Vec<Active>,
-    slots: Vec<u16>,
+    pub slots: Vec<Slots>,
+    /// For each band, sum of the jumps of the chains that lie above it.
+    jumps_above: Vec<i32>,
+    pub chains: Vec<Chain>,
+    /// Chains that have ended.
+    free: Vec<u32>,
+    /// The slot of chain c in band b at `c * MOST_BANDS + b`.
+    slot_of: Vec<u16>,
+    /// Some band has held more than is good.
+    pub is_crowded: bool,
 }
 
 impl Bands {
-    /// Makes bands of equal numbers of vertices.
-    pub fn reset(&mut self, edges: &Edges) {
-        self.count = (edges.mean_active / EDGES_PER_BAND).clamp(1, MOST_BANDS);
-        let mut vertices = [0u32; PARTS];
-        if self.count > 1 {
-            edges.vertices.iter().for_each(|vertex| vertices[part(vertex.position.z)] += 1);
-        }
-        self.band_of.clear();
-        let (mut before, total) = (0, edges.vertices.len().max(1));
-        for count in vertices {
-            self.band_of.push((before as usize * self.count / total).min(self.count - 1) as u8);
-            before += count;
-        }
-        self.bands.resize_with(self.bands.len().max(self.count), Band::default);
-        for band in &mut self.bands[..self.count] {
-            band.slots.reset();
-            band.above.clear();
-            (band.jumps_above, band.jumps) = (0, 0);
-        }
-        self.slots.clear();
-        self.active.resize(edges.edges.len(), Active::new(0, DVec3::ZERO, false));
+    /// Empties all bands.
+    pub fn reset(&mut self, count: usize) {
+        self.slots.resize_with(self.slots.len().max(count), Slots::default);
+        self.slots[..count].iter_mut().for_each(Slots::reset);
+        self.jumps_above.clear();
+        self.jumps_above.resize(count, 0);
+        self.chains.clear();
+        self.free.clear();
+        self.is_crowded = false;
     }
 
-    /// The band of a unit vector with this z.
-    pub fn band(&self, z: f64) -> usize {
-        self.band_of[part(z)].into()
-    }
-
-    /// First and last band that an edge comes into.
-    pub fn range(&self, (start, end): (DVec3, DVec3)) -> (u32, u32) {
-        if self.count == 1 {
-            return (0, 0);
-        }
-        // An arc is no further from its chord than half the square of half its length, and z of the chord is between those of
-        // its ends; for rounding add a little.
-        let bulge = 0.25 * start.distance_squared(end) + 1e-14;
-        let (low, high) = (start.z.min(end.z) - bulge, start.z.max(end.z) + bulge);
-        (self.band(high) as u32, self.band(low) as u32)
+    fn count(&self) -> usize {
+        self.jumps_above.len()
     }
 
     /// Asks the edges in some bands which of them pass above a unit vector; whether that is in doubt for one.
-    pub fn look(&mut self, position: DVec3, bands: std::ops::RangeInclusive<usize>) -> bool {
+    #[inline(always)]
+    pub fn look(&mut self, edges: &Edges, position: DVec3, bands: RangeInclusive<usize>) -> bool {
         let mut is_near = false;
-        for band in &mut self.bands[bands] {
-            let (jumps, near) = band.slots.sides(position, &mut band.above);
-            band.jumps = jumps;
-            is_near |= near;
+        let rounded = position.as_vec3();
+        for slots in &mut self.slots[bands] {
+            is_near |= slots.look(position, rounded, edges, &mut self.chains);
         }
         is_near
     }
 
-    /// Marks the edges in some bands that pass within rounding of a unit vector.
-    pub fn doubt_near(&mut self, position: DVec3, bands: std::ops::RangeInclusive<usize>) {
-        let Self { bands: all, active, .. } = self;
-        for band in &all[bands] {
-            band.slots.near(position).for_each(|edge| active[edge as usize].is_doubtful = true);
-        }
-    }
-
     /// Jumps of all edges above the position last looked from, in its band.
-    pub fn jumps_above(&self, band: usize) -> i32 {
-        self.bands[band].jumps_above + self.bands[band].jumps
+    #[inline(always)]
+    pub fn jumps_above(&self, band: u8) -> i32 {
+        self.jumps_above[band as usize] + self.slots[band as usize].jumps_above()
     }
 
-    /// Adds an edge below all those that are marked as above.
-    pub fn insert(&mut self, id: u32, edge: &Edge, ends: (DVec3, DVec3), mut active: Active) {
-        (active.first_band, active.last_band) = self.range(ends);
-        active.slots = self.slots.len() as u32;
-        for band in &mut self.bands[active.bands()] {
-            self.slots.push(band.slots.insert(id, edge.normal, edge.jump, &band.above) as u16);
+    /// The slot of a chain in one of its bands.
+    #[inline(always)]
+    pub fn slot(&self, chain: u32, band: usize) -> usize {
+        self.slot_of[chain as usize * MOST_BANDS + band].into()
+    }
+
+    /// Adds a chain below all those that are marked as above.
+    pub fn insert(&mut self, chain: Chain) -> u32 {
+        let id = self.free.pop().unwrap_or(self.chains.len() as u32);
+        if id as usize == self.chains.len() {
+            self.chains.push(chain);
+            let room = self.chains.len() * MOST_BANDS;
+            self.slot_of.resize(self.slot_of.len().max(room), 0);
+        } else {
+            self.chains[id as usize] = chain;
         }
-        self.weigh_below(&active, edge.jump);
-        self.active[id as usize] = active;
-    }
-
-    /// Removes an edge.
-    pub fn remove(&mut self, id: u32, jump: i32) {
-        let active = self.active[id as usize];
-        for band in active.bands() {
-            let slot = self.slot(&active, band);
-            self.bands[band].slots.remove(slot);
+        for band in chain.bands() {
+            self.enter(id, &chain, band);
         }
-        self.weigh_below(&active, -jump);
+        self.jumps_above[chain.last_band as usize + 1..].iter_mut().for_each(|sum| *sum += chain.jump);
+        id
     }
 
-    fn weigh_below(&mut self, active: &Active, jump: i32) {
-        let below = active.last_band as usize + 1..self.count;
-        self.bands[below].iter_mut().for_each(|band| band.jumps_above += jump);
+    /// Takes a slot for a chain in one of its bands.
+    fn enter(&mut self, id: u32, chain: &Chain, band: usize) {
+        let slots = &mut self.slots[band];
+        let slot = slots.insert(id, chain, band > chain.first_band.into());
+        self.is_crowded |= slots.is_crowded();
+        self.slot_of[id as usize * MOST_BANDS + band] = slot as u16;
     }
 
-    /// The slot of an edge in one of its bands.
-    fn slot(&self, active: &Active, band: usize) -> usize {
-        self.slots[active.slots as usize + band - active.first_band as usize].into()
+    /// Lets a chain out of comparisons.
+    #[inline(always)]
+    pub fn hide(&mut self, id: u32) {
+        for band in self.chains[id as usize].bands() {
+            let slot = self.slot(id, band);
+            self.slots[band].hide(slot);
+        }
+    }
+
+    /// Frees the slots of a chain. What lay above it can be asked until another one is inserted.
+    pub fn remove(&mut self, id: u32) {
+        let chain = self.chains[id as usize];
+        for band in chain.bands() {
+            let slot = self.slot(id, band);
+            self.slots[band].remove(slot);
+        }
+        self.jumps_above[chain.last_band as usize + 1..].iter_mut().for_each(|sum| *sum -= chain.jump);
+    }
+
+    /// Frees the number of a chain that has been removed.
+    pub fn free(&mut self, id: u32) {
+        self.free.push(id);
+    }
+
+    /// Brings a chain to its next edge, which starts at the vertex last looked from.
+    #[inline(always)]
+    pub fn proceed(&mut self, id: u32, next: Chain) {
+        let chain = std::mem::replace(&mut self.chains[id as usize], next);
+        let (old, new) = (chain.bands(), next.bands());
+        for band in old.clone().filter(|band| !new.contains(band)) {
+            let slot = self.slot(id, band);
+            self.slots[band].remove(slot);
+        }
+        for band in new.clone() {
+            let slot = self.slot(id, band);
+            let is_old = old.contains(&band);
+            if is_old && !self.slots[band].is_astray(slot) {
+                self.slots[band].follow(slot, &next, band > next.first_band.into());
+            } else {
+                if is_old {
+                    self.slots[band].remove(slot);
+                }
+                self.enter(id, &next, band);
+            }
+        }
+        if old.end() < new.end() {
+            self.jumps_above[old.end() + 1..=*new.end()].iter_mut().for_each(|sum| *sum -= next.jump);
+        } else {
+            self.jumps_above[new.end() + 1..=*old.end()].iter_mut().for_each(|sum| *sum += next.jump);
+        }
     }
 
     /// Marks nothing as above.
     pub fn clear_above(&mut self) {
-        self.bands[..self.count].iter_mut().for_each(|band| band.above.clear());
+        let count = self.count();
+        self.slots[..count].iter_mut().for_each(Slots::clear_above);
     }
 
-    /// Marks an edge as above.
+    /// Marks a chain as above.
     pub fn set_above(&mut self, id: u32) {
-        let active = self.active[id as usize];
-        for band in active.bands() {
-            let slot = self.slot(&active, band);
-            let Band { slots, above, .. } = &mut self.bands[band];
-            above.resize(slots.words(), 0);
-            set(above, slot);
+        for band in self.chains[id as usize].bands() {
+            let slot = self.slot(id, band);
+            self.slots[band].set_above(slot);
         }
     }
 
-    /// Appends, for each of its bands, which edges lay above an edge when the younger of the two started.
-    pub fn above_at_start(&self, id: u32, masks: &mut Vec<u64>) {
-        let active = &self.active[id as usize];
-        for band in active.bands() {
-            self.bands[band].slots.above_at_start(self.slot(active, band), masks);
+    /// Whether `other` was above `id` at the last vertex of either; both come into `band`.
+    pub fn was_above(&self, id: u32, other: u32, band: u8) -> bool {
+        let band = usize::from(band);
+        self.slots[band].was_above(self.slot(id, band), self.slot(other, band))
+    }
+
+    /// Enters all that the edge of a chain, which ends at the vertex last looked from, has crossed. Returns the sum of the sizes of
+    /// the jumps of all edges that have crossed it.
+    #[inline(always)]
+    pub fn cross(&mut self, id: u32) -> i32 {
+        let chain = self.chains[id as usize];
+        let first = usize::from(chain.first_band);
+        let mut sum = 0;
+        for band in chain.bands() {
+            let slot = self.slot(id, band);
+            sum += self.slots[band].cross(slot, band == first, &chain);
         }
+        sum
     }
 
-    /// Whether `other` was above `id`, whose masks are given, when the younger of the two started; both come into `band`.
-    pub fn was_above(&self, id: u32, masks: &[u64], other: u32, band: usize) -> bool {
-        let (active, other) = (&self.active[id as usize], &self.active[other as usize]);
-        let before = &self.bands[active.first_band as usize..band];
-        let first: usize = before.iter().map(|band| band.slots.words()).sum();
-        has(&masks[first..], self.slot(other, band))
-    }
-
-    /// The edges still active, without order.
+    /// The chains still active, without order.
     pub fn left(&self) -> impl Iterator<Item = u32> {
-        self.bands[..self.count].iter().enumerate().flat_map(move |(number, band)| {
-            let edges = band.slots.taken_edges();
-            edges.filter(move |&edge| self.active[edge as usize].first_band as usize == number)
+        self.slots[..self.count()].iter().enumerate().flat_map(move |(band, slots)| {
+            let chains = slots.taken();
+            chains.filter(move |&chain| usize::from(self.chains[chain as usize].first_band) == band)
         })
     }
-
-    /// Whether some band holds more than is good.
-    pub fn is_crowded(&self, bands: std::ops::RangeInclusive<usize>) -> bool {
-        self.bands[bands].iter().any(|band| band.slots.is_crowded())
-    }
-}
-
-fn part(z: f64) -> usize {
-    ((1.0 - z) * (PARTS as f64 / 2.0)).clamp(0.0, PARTS as f64 - 1.0) as usize
 }

@@ -75,39 +75,41 @@ impl Sweep<'_> {
 
     /// Which sides of an edge are visible, which negative.
     pub(super) fn sides(&self, id: u32) -> (i8, i8) {
-        let above = self.edge(id).above;
+        let above = self.status(id).above;
         let below = self.below(id);
         ((above == 0) as i8 - (below == 0) as i8, (above < 0) as i8 - (below < 0) as i8)
     }
 
     pub(super) fn is_stale(&self, id: u32) -> bool {
-        let edge = self.edge(id);
-        self.sides(id) != (edge.visible, edge.negative)
+        let status = self.status(id);
+        self.sides(id) != (status.visible, status.negative)
     }
 
     /// Ends and begins boundary arcs on an edge after W has changed beside it.
     pub(super) fn refresh(&mut self, id: u32, point: DVec3) {
         let (visible, negative) = self.sides(id);
-        if visible != self.edge(id).visible {
+        if visible != self.status(id).visible {
             self.close_visible(id, point);
-            self.edge_mut(id).visible = visible;
+            self.status_mut(id).visible = visible;
             self.queue.from[id as usize][0] = point;
         }
-        if negative != self.edge(id).negative {
+        if negative != self.status(id).negative {
             self.close_negative(id, point);
-            self.edge_mut(id).negative = negative;
+            self.status_mut(id).negative = negative;
             self.queue.from[id as usize][1] = point;
         }
     }
 
     pub(super) fn close_visible(&mut self, id: u32, to: DVec3) {
         let edge = &self.edges[id as usize];
-        self.region.push(self.chart, edge, self.queue.from[id as usize][0], to, edge.visible);
+        let visible = self.queue.status[id as usize].visible;
+        self.region.push(self.chart, edge, self.queue.from[id as usize][0], to, visible);
     }
 
     pub(super) fn close_negative(&mut self, id: u32, to: DVec3) {
         let edge = &self.edges[id as usize];
-        if let Some(arc) = self.region.arc(edge.normal, self.queue.from[id as usize][1], to, edge.negative) {
+        let negative = self.queue.status[id as usize].negative;
+        if let Some(arc) = self.region.arc(edge.normal, self.queue.from[id as usize][1], to, negative) {
             self.region.residuals.negative += arc.solid_angle_from(DVec3::Z);
         }
     }

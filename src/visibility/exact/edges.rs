@@ -1,10 +1,11 @@
 //! Contours in the chart: the vertices in order of azimuth, the edges between them as directed lines.
 
-use std::cmp::Ordering;
+use std::hint::select_unpredictable;
 
 use glam::DVec3;
 
 use super::chart::{Chart, TURN_END, at_azimuth, azimuth};
+use super::latitudes::Latitudes;
 use super::ranks::Ranks;
 use crate::visibility::{Arc, ReceiverContours};
 
@@ -16,8 +17,6 @@ pub(super) const TOP: u32 = 0;
 const HORIZON_EDGE: u32 = 1;
 /// The second vertex of edges that reach the seam.
 pub(super) const SEAM: u32 = u32::MAX;
-/// Not a landmark.
-pub(super) const NO_LANDMARK: u16 = u16::MAX;
 /// Jump of the horizon: more than any scene's depth, so nothing below it is visible.
 pub(super) const HORIZON_JUMP: i32 = 1 << 29;
 
@@ -29,15 +28,10 @@ pub(super) struct Vertex {
     pub azimuth: f64,
     /// Positive above the horizon. Its sign alone decides, and it alone decides.
     pub height: f64,
-    /// First of the edges that end here, linked by `next_end`.
-    pub ends: u32,
-    /// First of the edges that start here; they lie side by side, up to the first of the next vertex.
-    pub starts: u32,
 }
 
-/// A piece of a contour, from its first vertex to its second in the order of azimuth. One cache line.
+/// A piece of a contour, from its first vertex to its second in the order of azimuth.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(64))]
 pub(super) struct Edge {
     /// first x second in chart coordinates, about as long as the edge: positive above the edge. Zero for edges too short to
     /// have a direction: they are points, on neither side of which anything lies.
@@ -45,40 +39,19 @@ pub(super) struct Edge {
     /// First and second vertex, or SEAM.
     pub start: u32,
     pub end: u32,
-    /// Neighbours in the status, downwards and upwards.
-    pub next: u32,
-    pub prev: u32,
-    /// W just above.
-    pub above: i32,
     /// Change of W on crossing it downwards.
     pub jump: i32,
     /// Index of the contours' arc it is a piece of, NIL for the pole and the horizon.
     pub source: u32,
     pub next_end: u32,
-    /// Place among the landmarks of the status, if it is one.
-    pub landmark: u16,
-    /// Side of the edge on which W = 0 alone (+1 above, -1 below, 0 neither or both).
-    pub visible: i8,
-    /// The same for W < 0.
-    pub negative: i8,
+    /// The bands of latitude that it comes into.
+    pub first_band: u8,
+    pub last_band: u8,
 }
 
 impl Edge {
     fn new(normal: DVec3, jump: i32, source: u32) -> Self {
-        Self {
-            normal,
-            start: SEAM,
-            end: SEAM,
-            next: NIL,
-            prev: NIL,
-            above: 0,
-            jump,
-            source,
-            next_end: NIL,
-            landmark: NO_LANDMARK,
-            visible: 0,
-            negative: 0,
-        }
+        Self { normal, start: SEAM, end: SEAM, jump, source, next_end: NIL, first_band: 0, last_band: 0 }
     }
 }
 
@@ -106,6 +79,10 @@ pub(super) struct MeetsPole;
 pub(super) struct Edges {
     /// By azimuth, ties by index in the contours.
     pub vertices: Vec<Vertex>,
+    /// For each vertex the first of the edges that end there, linked by `next_end`.
+    pub ends: Vec<u32>,
+    /// For each vertex the first of the edges that start there, and the number of edges: they lie side by side.
+    starts: Vec<u32>,
     /// The pole, the horizon if there is one, then the edges at the seam, then the others by first vertex: the sweep
     /// reads memory in order.
     pub edges: Vec<Edge>,
@@ -115,17 +92,20 @@ pub(super) struct Edges {
     pub horizon: u32,
     /// Directions that are zero or not finite.
     pub bad: u32,
-    /// Edges that are active at a vertex, in the mean.
-    pub mean_active: usize,
-    /// The vertices by first use.
+    /// The largest size of a jump.
+    pub steepest: u32,
+    pub latitudes: Latitudes,
+    /// The vertices by first use, and one over the lengths of their directions.
     unsorted: Vec<Vertex>,
-    /// From the contours' directions to `unsorted`; later from there to `vertices`.
+    inverses: Vec<f64>,
+    /// From the contours' directions to `unsorted`, and from there to `vertices`.
     places: Vec<u32>,
-    ranks: Ranks,
+    ranks: Vec<u32>,
+    order: Ranks,
     spans: Vec<Span>,
 }
 
-/// An arc of the contours that is not left out, by the places of its vertices.
+/// An arc of the contours that is not left out, by the places of its vertices among the unsorted.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     arc: u32,
@@ -135,6 +115,9 @@ struct Span {
     is_forward: bool,
     wraps: bool,
 }
+
+/// Edges that a band should hold at a time.
+const EDGES_PER_BAND: usize = 24;
 
 impl Edges {
     /// Fills this from contours. Arcs between two vertices below the horizon are left out. With `lenient`, edges that meet
@@ -161,69 +144,92 @@ impl Edges {
             self.at_seam.push(HORIZON_EDGE);
             self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP, NIL);
         }
-        for vertex in &mut self.vertices {
-            let count = std::mem::replace(&mut vertex.starts, start);
+        for next_place in &mut self.starts {
+            let count = std::mem::replace(next_place, start);
             start += count;
         }
 
-        for i in 0..self.spans.len() {
-            let Span { arc: source, first, second, is_forward, wraps } = self.spans[i];
+        let Self { unsorted, inverses, ranks, starts, ends, edges, latitudes, .. } = self;
+        let (unsorted, inverses, ranks) = (&unsorted[..], &inverses[..], &ranks[..]);
+        let (starts, ends, edges) = (&mut starts[..], &mut ends[..], &mut edges[..]);
+        let mut steepest = 0;
+        for &Span { arc: source, first, second, is_forward, wraps } in &self.spans {
             let arc = &contours.arcs[source as usize];
-            let forward = chart.local(normal(contours, arc));
-            let (normal, jump) = if is_forward { (forward, arc.jump) } else { (-forward, -arc.jump) };
+            let [start, end] = [first, second].map(|place| unsorted[place as usize].position);
+            let cosine = start.dot(end);
+            // No branches: which way an arc runs is hard to predict.
+            let sign = 2 * i32::from(is_forward) - 1;
+            let [from, to] = [first, second].map(|place| inverses[place as usize]);
+            let lengths = select_unpredictable(is_forward, [from, to], [to, from]);
+            let normal = f64::from(sign) * chart.local(normal(contours, arc, lengths, cosine));
+            let jump = sign * arc.jump;
             if normal.z * normal.z < NEAREST_TO_POLE * NEAREST_TO_POLE * normal.length_squared() && !lenient {
                 return Err(MeetsPole);
             }
-            let edge = Edge { start: first, ..Edge::new(normal, jump, source) };
+            steepest = steepest.max(jump.unsigned_abs());
+            let [first, second] = [first, second].map(|place| ranks[place as usize]);
             // Until all edges have their place, `starts` is where the next one goes.
-            let next_place = &mut self.vertices[first as usize].starts;
-            let place = *next_place;
+            let next_place = &mut starts[first as usize];
+            let mut place = *next_place;
             *next_place += 1;
+            let mut edge = Edge { start: first, ..Edge::new(normal, jump, source) };
+            (edge.first_band, edge.last_band) = latitudes.range(start, end);
             if wraps {
-                self.edges[place as usize] = edge;
-                self.end_at(seam, Edge { start: SEAM, ..edge }, second);
+                let at_seam = on_seam(normal);
+                (edge.first_band, edge.last_band) = latitudes.range(start, at_seam);
+                edges[place as usize] = edge;
+                (edge.first_band, edge.last_band) = latitudes.range(at_seam, end);
+                edge.start = SEAM;
                 self.at_seam.push(seam);
+                place = seam;
                 seam += 1;
-            } else {
-                self.end_at(place, edge, second);
             }
+            edge.end = second;
+            edge.next_end = std::mem::replace(&mut ends[second as usize], place);
+            edges[place as usize] = edge;
         }
-        for i in (1..self.vertices.len()).rev() {
-            self.vertices[i].starts = self.vertices[i - 1].starts;
-        }
-        if let Some(vertex) = self.vertices.first_mut() {
-            vertex.starts = seam;
-        }
+        self.steepest = steepest;
+        // The first place of each has become that of the next.
+        self.starts.copy_within(..self.vertices.len(), 1);
+        self.starts[0] = seam;
         Ok(())
     }
 
     /// The edges that start at a vertex.
-    pub fn starts(vertices: &[Vertex], edges: &[Edge], rank: usize) -> std::ops::Range<u32> {
-        vertices[rank].starts..vertices.get(rank + 1).map_or(edges.len() as u32, |next| next.starts)
+    #[inline(always)]
+    pub fn starts(&self, rank: usize) -> std::ops::Range<u32> {
+        self.starts[rank]..self.starts[rank + 1]
     }
 
     /// First and last point of an edge.
     pub fn ends(&self, edge: &Edge) -> (DVec3, DVec3) {
-        let point = |rank: u32| self.vertices.get(rank as usize).map_or_else(|| on_seam(edge.normal), |v| v.position);
-        (point(edge.start), point(edge.end))
+        (self.start(edge), self.end(edge))
     }
 
-    /// Positive if two edges that start at one vertex come downwards in this order, and as sure as it is far from zero.
-    pub fn order(&self, upper: u32, lower: u32) -> f64 {
+    /// First point of an edge.
+    pub fn start(&self, edge: &Edge) -> DVec3 {
+        self.point(edge, edge.start)
+    }
+
+    /// Last point of an edge.
+    #[inline(always)]
+    pub fn end(&self, edge: &Edge) -> DVec3 {
+        self.point(edge, edge.end)
+    }
+
+    #[inline(always)]
+    fn point(&self, edge: &Edge, rank: u32) -> DVec3 {
+        self.vertices.get(rank as usize).map_or_else(|| on_seam(edge.normal), |v| v.position)
+    }
+
+    /// Positive if two edges that start at a point come downwards in this order, and as sure as it is far from zero.
+    pub fn order(&self, upper: u32, lower: u32, start: DVec3) -> f64 {
         let (u, l) = (&self.edges[upper as usize], &self.edges[lower as usize]);
-        match l.end.cmp(&u.end) {
-            Ordering::Equal if l.end == SEAM => on_seam(u.normal).z - on_seam(l.normal).z,
+        match l.end == u.end && l.end != SEAM {
             // They enclose nothing.
-            Ordering::Equal => f64::INFINITY,
-            Ordering::Less => -u.normal.dot(self.ends(l).1),
-            Ordering::Greater => l.normal.dot(self.ends(u).1),
+            true => f64::INFINITY,
+            false => l.normal.cross(u.normal).dot(start),
         }
-    }
-
-    fn end_at(&mut self, id: u32, edge: Edge, second: u32) {
-        let vertex = &mut self.vertices[second as usize];
-        let next_end = std::mem::replace(&mut vertex.ends, id);
-        self.edges[id as usize] = Edge { end: second, next_end, ..edge };
     }
 
     /// Lists the arcs to keep and their vertices, in the order of the contours.
@@ -231,17 +237,19 @@ impl Edges {
         self.bad = 0;
         self.spans.clear();
         self.unsorted.clear();
+        self.inverses.clear();
         self.places.clear();
         self.places.resize(contours.directions.len(), NIL);
         let height = |v: u32| if has_horizon { contours.heights[v as usize] } else { 1.0 };
+        self.unsorted.reserve(contours.directions.len());
         for (arc, &Arc { a, b, .. }) in contours.arcs.iter().enumerate() {
-            if height(a) <= 0.0 && height(b) <= 0.0 {
+            let heights = (height(a), height(b));
+            if (heights.0 <= 0.0) & (heights.1 <= 0.0) {
                 continue;
             }
-            let first = self.enter(contours.directions[a as usize], height(a), a, chart);
-            let second = self.enter(contours.directions[b as usize], height(b), b, chart);
-            let is_bad = |v: u32| self.unsorted[v as usize].position == DVec3::ZERO;
-            if is_bad(first) || is_bad(second) {
+            let first = self.enter(contours.directions[a as usize], heights.0, a, chart);
+            let second = self.enter(contours.directions[b as usize], heights.1, b, chart);
+            if self.inverses[first as usize] == NO_LENGTH || self.inverses[second as usize] == NO_LENGTH {
                 self.bad += 1;
                 continue;
             }
@@ -255,43 +263,78 @@ impl Edges {
         let place = &mut self.places[vertex as usize];
         if *place == NIL {
             *place = self.unsorted.len() as u32;
-            // The scale keeps squares in range for all of f32's exponents and beyond.
-            let position = chart.local(direction / direction.abs().max_element()).normalize_or_zero();
+            let (direction, inverse) = unit(direction);
+            let position = chart.local(direction);
+            self.inverses.push(inverse);
             let azimuth = azimuth(position.x, position.y);
-            self.unsorted.push(Vertex { position, azimuth, height, ends: NIL, starts: 0 });
+            self.unsorted.push(Vertex { position, azimuth, height });
         }
         *place
     }
 
-    /// Puts the vertices in the order of the sweep, and the spans' ends with them.
+    /// Puts the vertices in the order of the sweep, and chooses bands.
     fn sort(&mut self) {
         self.vertices.clear();
-        let keys = self.ranks.sort(self.unsorted.iter().map(|vertex| vertex.azimuth));
+        self.ranks.clear();
+        self.ranks.resize(self.unsorted.len(), 0);
+        let keys = self.order.sort(self.unsorted.iter().map(|vertex| vertex.azimuth));
         for (rank, &(_, v)) in keys.iter().enumerate() {
-            self.places[v as usize] = rank as u32;
+            self.ranks[v as usize] = rank as u32;
             self.vertices.push(self.unsorted[v as usize]);
         }
-        let (mut passed, count) = (0, self.vertices.len() as u64);
+        let (mut passed, count) = (0, self.vertices.len());
+        self.ends.clear();
+        self.ends.resize(count, NIL);
+        self.starts.clear();
+        self.starts.resize(count + 1, 0);
         for span in &mut self.spans {
-            let (a, b) = (self.places[span.first as usize], self.places[span.second as usize]);
-            let [va, vb] = [a, b].map(|rank| &self.vertices[rank as usize]);
-            span.wraps = (va.azimuth - vb.azimuth).abs() > 0.5 * TURN_END;
-            let between = u64::from(a.abs_diff(b));
+            let (a, b) = (self.ranks[span.first as usize], self.ranks[span.second as usize]);
+            let [va, vb] = [span.first, span.second].map(|place| self.unsorted[place as usize].azimuth);
+            span.wraps = (va - vb).abs() > 0.5 * TURN_END;
+            let between = a.abs_diff(b) as usize;
             passed += if span.wraps { count - between } else { between };
             span.is_forward = (a < b) != span.wraps;
-            (span.first, span.second) = if span.is_forward { (a, b) } else { (b, a) };
-            self.vertices[span.first as usize].starts += 1;
+            let backward = usize::from(!span.is_forward);
+            let (places, ranks) = ([span.first, span.second], [a, b]);
+            (span.first, span.second) = (places[backward], places[1 - backward]);
+            self.starts[ranks[backward] as usize] += 1;
         }
-        self.mean_active = (passed / count.max(1)) as usize;
+        let mean_active = passed / count.max(1);
+        let positions = self.unsorted.iter().map(|vertex| vertex.position);
+        self.latitudes.divide(mean_active / EDGES_PER_BAND, positions);
     }
 }
 
 /// The normal a x b of unit vectors that an arc runs between, about its length long and known to a few 1e-16; zero if they
-/// are one point.
-fn normal(contours: &ReceiverContours, arc: &Arc) -> DVec3 {
-    let (a, b) = (contours.directions[arc.a as usize], contours.directions[arc.b as usize]);
-    let [aa, bb, dd] = [a, b, b - a].map(|v| v.length_squared());
-    // The plane is a x (b - a), rounded to its factors' size.
-    let size = (aa * bb.max(dd)).sqrt();
-    if arc.plane.length_squared() < SHORTEST * SHORTEST * aa * bb { DVec3::ZERO } else { arc.plane / size }
+/// are one point. `inverses` are one over the lengths of its ends, `cosine` is that of its own.
+#[inline(always)]
+fn normal(contours: &ReceiverContours, arc: &Arc, inverses: [f64; 2], cosine: f64) -> DVec3 {
+    let [a, b] = inverses;
+    let normal = arc.plane * a * b;
+    if normal.length_squared() < SHORTEST * SHORTEST {
+        return DVec3::ZERO;
+    }
+    // The plane is a x (b - a), rounded to its factors' size: where b - a is longer than b, that counts.
+    if b > 2.0 * a * cosine {
+        let [from, to] = [arc.a, arc.b].map(|v| contours.directions[v as usize]);
+        return arc.plane * a * (to - from).length_recip();
+    }
+    normal
+}
+
+/// One over a length that is zero or not finite.
+const NO_LENGTH: f64 = 0.0;
+
+/// A vector at unit length, and one over its length, or zero and `NO_LENGTH`.
+#[inline(always)]
+fn unit(v: DVec3) -> (DVec3, f64) {
+    let square = v.length_squared();
+    // Squares of all single precision numbers but zero are within these bounds.
+    if (1e-200..1e200).contains(&square) {
+        let inverse = square.sqrt().recip();
+        return (v * inverse, inverse);
+    }
+    let scale = v.abs().max_element();
+    let unit = (v / scale).normalize_or_zero();
+    (unit, if unit == DVec3::ZERO { NO_LENGTH } else { (v / scale).length_recip() / scale })
 }

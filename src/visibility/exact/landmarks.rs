@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::edges::{HORIZON_JUMP, NIL, NO_LANDMARK, TOP};
+use super::edges::{HORIZON_JUMP, NIL, TOP};
 use super::sweep::Sweep;
 
 /// Every few edges of the order, from which searches set out. They may be out of date: they make searches short, not right.
@@ -16,6 +16,8 @@ pub(super) struct Landmarks {
     budget: u32,
 }
 
+/// Not a landmark.
+pub(super) const NO_LANDMARK: u16 = u16::MAX;
 /// Edges from one landmark to the next.
 const STRIDE: u32 = 8;
 
@@ -36,7 +38,7 @@ impl Sweep<'_> {
     pub(super) fn locate(&mut self, position: DVec3, is_below: bool) -> (u32, u32) {
         let mut upper = if is_below { self.horizon } else { self.landmark_above(position) };
         loop {
-            let lower = self.edge(upper).next;
+            let lower = self.status(upper).next;
             if lower == NIL || lower == self.horizon || self.edge(lower).normal.dot(position) > 0.0 {
                 return (upper, lower);
             }
@@ -51,10 +53,7 @@ impl Sweep<'_> {
             self.choose_landmarks();
         }
         let landmarks = &self.queue.landmarks.edges;
-        let is_above = |id: u32| {
-            let edge = self.edge(id);
-            edge.above < HORIZON_JUMP / 2 && edge.normal.dot(position) <= 0.0
-        };
+        let is_above = |id: u32| self.status(id).above < HORIZON_JUMP / 2 && self.edge(id).normal.dot(position) <= 0.0;
         let below = landmarks.partition_point(|&id| id == NIL || is_above(id));
         landmarks[..below].iter().rev().copied().find(|&id| id != NIL && is_above(id)).unwrap_or(TOP)
     }
@@ -62,16 +61,16 @@ impl Sweep<'_> {
     pub(super) fn choose_landmarks(&mut self) {
         let mut landmarks = std::mem::take(&mut self.queue.landmarks.edges);
         for id in landmarks.drain(..).filter(|&id| id != NIL) {
-            self.edge_mut(id).landmark = NO_LANDMARK;
+            self.status_mut(id).landmark = NO_LANDMARK;
         }
-        let (mut count, mut id) = (0, self.edge(TOP).next);
+        let (mut count, mut id) = (0, self.status(TOP).next);
         while id != self.horizon && id != NIL {
             count += 1;
             if count % STRIDE == 0 && landmarks.len() < NO_LANDMARK as usize {
-                self.edge_mut(id).landmark = landmarks.len() as u16;
+                self.status_mut(id).landmark = landmarks.len() as u16;
                 landmarks.push(id);
             }
-            id = self.edge(id).next;
+            id = self.status(id).next;
         }
         self.queue.landmarks = Landmarks { edges: landmarks, steps: 0, budget: 2 * count + STRIDE };
     }

@@ -1,92 +1,44 @@
 //! The visible pieces of edges, and of the horizon.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
-use super::bands::{Active, Bands};
+use super::bands::Bands;
+use super::block::{DOUBT, NEAR};
+use super::chains::Chain;
 use super::chart::{Chart, TURN_END, azimuth};
-use super::edges::{Edge, Edges, NIL, on_line};
+use super::edges::{Edge, Edges, on_line};
 use super::masks::Doubt;
 use super::region::Region;
-use super::slots::DOUBT;
 
-/// The end of an edge, which is no longer active.
+/// The end of a chain's edge.
 pub(super) struct Ending<'a> {
-    pub edge: u32,
-    /// For each of its bands the edges that were above it when the younger of the two started.
-    pub above_at_start: &'a [u64],
+    pub id: u32,
+    pub chain: &'a Chain,
     pub end: DVec3,
     pub ends_above_horizon: bool,
     /// W just above the end, if that is above the horizon.
     pub depth_above: i32,
+    /// Sum of the sizes of the jumps of all edges that have crossed it.
+    pub crossed: i32,
 }
 
-/// An edge that crosses the one that ends.
-struct Crossed {
-    edge: u32,
-    jump: i32,
-    /// Whether the one that ends rises above it.
-    rises: bool,
-}
-
-impl Crossed {
-    /// Change of W just above the one that ends.
-    fn change(&self) -> i32 {
-        if self.rises { -self.jump } else { self.jump }
-    }
-}
-
-impl Ending<'_> {
-    /// Calls back for each edge among those still active that it has crossed.
-    #[inline(always)]
-    fn each_crossed(&self, bands: &mut Bands, mut found: impl FnMut(&mut Active, Crossed)) {
-        let Bands { bands, active, .. } = bands;
-        let this = active[self.edge as usize];
-        let mut masks = self.above_at_start;
-        for number in this.bands() {
-            let band = &bands[number];
-            let (was_above, rest) = masks.split_at(band.slots.words());
-            masks = rest;
-            for (word, &was_above) in was_above.iter().enumerate() {
-                let is_above = band.above.get(word).copied().unwrap_or(0);
-                let mut left = (was_above ^ is_above) & band.slots.taken()[word];
-                while left != 0 {
-                    let bit = left.trailing_zeros();
-                    left &= left - 1;
-                    let slot = 64 * word + bit as usize;
-                    let edge = band.slots.edge(slot);
-                    let other = &mut active[edge as usize];
-                    // Two edges may meet in several bands and count in the first of them.
-                    if this.first_band.max(other.first_band) as usize == number {
-                        let rises = was_above >> bit & 1 != 0;
-                        found(other, Crossed { edge, jump: band.slots.jump(slot), rises });
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// A crossing on an edge, after others.
+/// A crossing on an edge.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
     /// The other edge.
     edge: u32,
     /// Change of W just above the edge, in the direction of the sweep.
     change: i32,
-    /// The one before.
-    next: u32,
 }
 
 /// A crossing that has been located.
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    /// Along the edge.
-    order: f64,
-    /// What `order` is known to.
+    /// Along the edge's chord, from 0 to 1, and what that is known to.
+    along: f64,
     error: f64,
-    point: DVec3,
-    /// Change of W; none at the horizon.
-    change: Option<i32>,
+    /// The other edge, and change of W; none at the horizon.
+    other: Option<Crossing>,
 }
 
 /// Where something visible begins or ends at the horizon.
@@ -101,8 +53,7 @@ struct HorizonEnd {
 /// Pieces under way.
 #[derive(Debug, Default)]
 pub(super) struct Pieces {
-    crossings: Vec<Crossing>,
-    /// Those of the edge at hand, and where along it they are.
+    /// Crossings of the edge at hand, and where along it they are.
     found: Vec<Crossing>,
     places: Vec<Place>,
     horizon: Option<Edge>,
@@ -116,192 +67,199 @@ fn side(above: i32, jump: i32) -> i8 {
     i8::from(above == 0) - i8::from(above + jump == 0)
 }
 
-/// The crossings of a linked list.
-fn linked(crossings: &[Crossing], first: u32) -> impl Iterator<Item = Crossing> {
-    let crossing = |at: u32| crossings.get(at as usize).copied();
-    std::iter::successors(crossing(first), move |last| crossing(last.next))
-}
-
 /// Parts of an edge, in each of which W is taken to fall before it rises: as low as it may come.
-const PARTS: usize = 32;
+const PARTS: usize = 31;
+const ROOM: usize = 2 * (PARTS + 1).next_power_of_two();
 
 /// How W may fall along an edge, wherever within their errors its crossings are.
-struct Worst<'a> {
-    edges: &'a Edges,
-    ends: (DVec3, DVec3),
-    falls: [i32; PARTS],
-    rises: [i32; PARTS],
+struct Worst {
+    ends: (Vec3, Vec3),
+    /// Changes of W, in each part that of all falls and that of all rises.
+    changes: [i32; ROOM],
 }
 
-impl<'a> Worst<'a> {
-    fn new(edges: &'a Edges, ends: (DVec3, DVec3)) -> Self {
-        Self { edges, ends, falls: [0; PARTS], rises: [0; PARTS] }
+impl Worst {
+    fn new((start, end): (DVec3, DVec3)) -> Self {
+        Self { ends: (start.as_vec3(), end.as_vec3()), changes: [0; ROOM] }
     }
 
     /// Adds a crossing.
     #[inline(always)]
-    fn add(&mut self, edge: u32, change: i32) {
-        let normal = self.edges.edges[edge as usize].normal;
+    fn add(&mut self, normal: Vec3, change: i32) {
+        /// The numbers from here on are the integers, in the last bits.
+        const INTEGERS: f32 = (1u32 << 23) as f32;
         let (a, b) = (normal.dot(self.ends.0), normal.dot(self.ends.1));
-        let parts = PARTS as f64 / (a - b);
-        let (at, error) = (a * parts, DOUBT * parts.abs());
-        if change < 0 {
-            // What is no number falls first.
-            self.falls[((at - error) as usize).min(PARTS - 1)] += change;
-        } else if at + error < PARTS as f64 {
-            self.rises[(at + error) as usize] += change;
-        }
+        let parts = PARTS as f32 / (a - b);
+        // No branches: whether W falls or rises is hard to predict.
+        let (rises, falls) = ((change >= 0) as usize, (change < 0) as u32);
+        let error = 3.0 * NEAR * parts.abs();
+        // What is not a number falls first and rises last: its error is infinite.
+        let at = if a == 0.0 { 0.0 } else { a * parts };
+        let at = at - 0.5 + f32::from_bits(error.to_bits() ^ falls << 31);
+        let at = if at > 0.0 { at } else { 0.0 };
+        let at = if at < PARTS as f32 { at } else { PARTS as f32 };
+        let part = (at + INTEGERS).to_bits() as usize;
+        self.changes[(2 * part + rises) % ROOM] += change;
     }
 
     /// Whether W stays positive on an edge that starts with this depth on the deeper side.
     fn stays_above_zero(&self, mut depth: i32) -> bool {
-        self.falls.iter().zip(&self.rises).all(|(fall, rise)| {
-            let deepest = depth + fall;
-            depth = deepest + rise;
-            deepest > 0
-        })
+        let mut deepest = depth;
+        for change in &self.changes[..2 * PARTS + 2] {
+            depth += change;
+            deepest = deepest.min(depth);
+        }
+        deepest > 0
+    }
+}
+
+/// Calls back for the crossings of an edge that has ended, those found when others ended and those found now: the other edge,
+/// its normal, rounded, and the change of W just above.
+#[inline(always)]
+fn each_crossing(bands: &Bands, &Ending { id, chain, .. }: &Ending, mut found: impl FnMut(u32, Vec3, i32)) {
+    for band in chain.bands() {
+        let slots = &bands.slots[band];
+        slots.each_crossed(bands.slot(id, band), |crossed| found(crossed.edge, crossed.normal, crossed.change));
+        slots.each_crossing(|other, normal, rises| {
+            let other = &bands.chains[other as usize];
+            found(other.edge, normal, (1 - 2 * i32::from(rises)) * other.jump);
+        });
     }
 }
 
 impl Pieces {
     pub fn reset(&mut self, horizon: Option<Edge>) {
-        self.crossings.clear();
         self.horizon_ends.clear();
         self.horizon = horizon;
     }
 
-    /// Notes the crossings of an edge that ends with those still active, and adds its visible pieces to the region.
+    /// Adds the visible pieces of an edge that ends to the region.
+    #[inline(always)]
     pub fn end(
         &mut self,
         edges: &Edges,
-        bands: &mut Bands,
+        bands: &Bands,
         ending: &Ending,
         chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
-        let edge = &edges.edges[ending.edge as usize];
-        let active = bands.active[ending.edge as usize];
-        let (mut change, mut fall) = (active.change, active.fall);
-        ending.each_crossed(bands, |other, crossed| {
-            let step = crossed.change();
-            change += step;
-            fall += step.min(0);
-            // In the other's books, too, for when it ends.
-            let step = if crossed.rises { edge.jump } else { -edge.jump };
-            other.change += step;
-            other.fall += step.min(0);
-            let next = std::mem::replace(&mut other.crossings, self.crossings.len() as u32);
-            self.crossings.push(Crossing { edge: ending.edge, change: step, next });
-        });
-        let depth = if active.starts_above_horizon {
-            active.above
-        } else if ending.ends_above_horizon {
-            ending.depth_above - change
-        } else {
-            return Ok(());
-        };
-        let deepest = depth + edge.jump.min(0);
-        if deepest + fall > 0 {
-            return Ok(());
-        }
-        let ends = (active.start, ending.end);
-        if deepest > 0 {
-            let mut worst = Worst::new(edges, ends);
-            for crossing in linked(&self.crossings, active.crossings) {
-                worst.add(crossing.edge, crossing.change);
+        let chain = ending.chain;
+        let is_hidden = match (chain.starts_above_horizon, ending.ends_above_horizon) {
+            (false, false) => true,
+            (true, true) if !chain.is_doubtful => {
+                // What crosses it makes W rise or fall; the sum of both and the difference are known.
+                let falls = (ending.crossed - (ending.depth_above - chain.above)) / 2;
+                chain.above + chain.jump.min(0) > falls
             }
-            ending.each_crossed(bands, |_, crossed| worst.add(crossed.edge, crossed.change()));
+            _ => false,
+        };
+        if is_hidden { Ok(()) } else { self.look_closely(edges, bands, ending, chart, region) }
+    }
+
+    /// The same for an edge that may be visible: finds what it crosses, and where.
+    fn look_closely(
+        &mut self,
+        edges: &Edges,
+        bands: &Bands,
+        ending: &Ending,
+        chart: &Chart,
+        region: &mut Region,
+    ) -> Result<(), Doubt> {
+        let Ending { chain, end, .. } = *ending;
+        let edge = &edges.edges[chain.edge as usize];
+        let ends = (edges.start(edge), end);
+        let mut depth = chain.above;
+        if !chain.starts_above_horizon {
+            depth = ending.depth_above;
+            each_crossing(bands, ending, |_, _, change| depth -= change);
+        }
+        let deepest = depth + edge.jump.min(0);
+        if deepest > 0 {
+            let mut worst = Worst::new(ends);
+            each_crossing(bands, ending, |_, normal, change| worst.add(normal, change));
             if worst.stays_above_zero(deepest) {
                 return Ok(());
             }
         }
-        if active.is_doubtful {
+        if chain.is_doubtful {
             return Err(Doubt);
         }
         self.found.clear();
-        self.found.extend(linked(&self.crossings, active.crossings));
-        ending.each_crossed(bands, |_, crossed| {
-            self.found.push(Crossing { edge: crossed.edge, change: crossed.change(), next: NIL });
-        });
+        each_crossing(bands, ending, |edge, _, change| self.found.push(Crossing { edge, change }));
         region.residuals.crossings += self.found.len() as u32;
-        self.locate(edges, edge, ends);
-        if active.starts_above_horizon != ending.ends_above_horizon {
+        self.locate(edges, ends);
+        if chain.starts_above_horizon != ending.ends_above_horizon {
             self.locate_horizon(ends);
         }
-        self.walk(edge, depth, (active.start, active.starts_above_horizon), ending.end, chart, region)
+        self.walk(edges, ending, depth, chart, region)
     }
 
     /// Finds where an edge is crossed.
-    fn locate(&mut self, edges: &Edges, edge: &Edge, (start, end): (DVec3, DVec3)) {
+    fn locate(&mut self, edges: &Edges, ends: (DVec3, DVec3)) {
         self.places.clear();
-        for &Crossing { edge: other, change, .. } in &self.found {
-            let other = &edges.edges[other as usize];
-            // On the one or the other, but for both the same point.
-            let (point, error) = if (edge.start, edge.end) < (other.start, other.end) {
-                meet((start, end), other.normal)
-            } else {
-                meet(edges.ends(other), edge.normal)
-            };
-            self.places.push(Place { order: point.dot(end - start), error, point, change: Some(change) });
-        }
+        self.places.extend(self.found.iter().map(|&other| {
+            let (along, error) = along(ends, edges.edges[other.edge as usize].normal);
+            Place { along, error, other: Some(other) }
+        }));
     }
 
-    fn locate_horizon(&mut self, (start, end): (DVec3, DVec3)) {
+    fn locate_horizon(&mut self, ends: (DVec3, DVec3)) {
         let Some(horizon) = self.horizon else { return };
-        let (point, error) = meet((start, end), horizon.normal);
-        self.places.push(Place { order: point.dot(end - start), error, point, change: None });
+        let (along, error) = along(ends, horizon.normal);
+        self.places.push(Place { along, error, other: None });
     }
 
-    /// Follows an edge from its start over the crossings located.
+    /// Follows an edge from its start, where W just above is `depth`, over the crossings located.
     fn walk(
         &mut self,
-        edge: &Edge,
+        edges: &Edges,
+        ending: &Ending,
         mut depth: i32,
-        (start, starts_above_horizon): (DVec3, bool),
-        end: DVec3,
         chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
-        let jump = edge.jump;
-        self.places.sort_unstable_by(|a, b| a.order.total_cmp(&b.order));
-        let length = (end - start).length();
+        let edge = &edges.edges[ending.chain.edge as usize];
+        let (start, end, jump) = (edges.start(edge), ending.end, edge.jump);
+        self.places.sort_unstable_by(|a, b| a.along.total_cmp(&b.along));
         for pair in self.places.windows(2) {
             // An error that is not a number is one, too.
-            let is_certain = pair[1].order - pair[0].order > length * (pair[0].error + pair[1].error);
+            let is_certain = pair[1].along - pair[0].along > pair[0].error + pair[1].error;
             if !is_certain {
                 return Err(Doubt);
             }
         }
-        let (mut from, mut is_inside) = (start, starts_above_horizon);
+        let (mut from, mut is_inside) = (start, ending.chain.starts_above_horizon);
         for place in &self.places {
             let now = side(depth, jump);
             if is_inside && depth.min(depth + jump) < 0 {
                 return Err(Doubt);
             }
-            match place.change {
-                Some(change) => {
+            match place.other {
+                Some(Crossing { edge: other, change }) => {
                     depth += change;
                     if is_inside && side(depth, jump) != now {
-                        region.push(chart, edge, from, place.point, now);
-                        from = place.point;
+                        let point = crossing_point(edges, edge, &edges.edges[other as usize]);
+                        region.push(chart, edge, from, point, now);
+                        from = point;
                     }
                 }
                 None => {
+                    let point = point((start, end), place.along);
                     // Descending, the edge has what is below it before it along the horizon.
                     let (before, after) = if is_inside { (depth + jump, depth) } else { (depth, depth + jump) };
                     if before == 0 || after == 0 {
                         self.horizon_ends.push(HorizonEnd {
-                            azimuth: azimuth(place.point.x, place.point.y),
-                            error: place.error,
-                            point: place.point,
+                            azimuth: azimuth(point.x, point.y),
+                            error: place.error * (end - start).length(),
+                            point,
                             begins: after == 0,
                         });
                     }
                     if is_inside {
-                        region.push(chart, edge, from, place.point, now);
+                        region.push(chart, edge, from, point, now);
                         return Ok(());
                     }
-                    (is_inside, from) = (true, place.point);
+                    (is_inside, from) = (true, point);
                 }
             }
         }
@@ -354,10 +312,22 @@ impl Pieces {
     }
 }
 
-/// Where an arc meets a plane between its ends, and what that place is known to, in radians.
-fn meet((start, end): (DVec3, DVec3), normal: DVec3) -> (DVec3, f64) {
+/// Where along its chord, from 0 to 1, an arc meets a plane between its ends, and what that is known to.
+#[inline(always)]
+fn along((start, end): (DVec3, DVec3), normal: DVec3) -> (f64, f64) {
     let (a, b) = (normal.dot(start), normal.dot(end));
-    let along = (a / (a - b)).clamp(0.0, 1.0);
-    let step = end - start;
-    ((start + along * step).normalize(), DOUBT * step.length() / (a - b).abs())
+    ((a / (a - b)).clamp(0.0, 1.0), DOUBT / (a - b).abs())
+}
+
+/// The point of an arc above a place along its chord.
+fn point((start, end): (DVec3, DVec3), along: f64) -> DVec3 {
+    (start + along * (end - start)).normalize()
+}
+
+/// Where two edges cross: a point of the one or the other, but for both the same.
+fn crossing_point(edges: &Edges, one: &Edge, other: &Edge) -> DVec3 {
+    let is_first = (one.start, one.end) < (other.start, other.end);
+    let (edge, other) = if is_first { (one, other) } else { (other, one) };
+    let ends = edges.ends(edge);
+    point(ends, along(ends, other.normal).0)
 }

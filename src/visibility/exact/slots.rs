@@ -1,251 +1,253 @@
-//! Active edges side by side, for vector instructions.
+//! Chains that come into one band of latitude, which of them lie above which, and which have crossed.
 
-use glam::DVec3;
+use std::hint::select_unpredictable;
 
-use super::edges::NIL;
+use glam::{DVec3, Vec3};
 
-/// Bits of a word of a mask.
-const WORD: usize = u64::BITS as usize;
-/// Slots handled side by side.
-const LANES: usize = 4;
+use super::block::{Block, EMPTY, LANES, NONE, Tally, WORD, bits, put, set_column};
+use super::chains::Chain;
+use super::edges::{Edges, NIL};
 
-/// A vertex within this distance of an edge's line, times the edge's length, may be on either side of it: normals and unit
-/// vectors are known to a few 1e-16.
-pub(super) const DOUBT: f64 = 2e-15;
+/// Blocks of a band beyond which keeping order would be better than comparing one by one.
+const MOST_BLOCKS: usize = 64;
 
-/// Edges in slots, one bit of every mask each. A slot is free again when its edge has ended.
+/// A crossing of the edge in a slot with one that has ended.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossed {
+    /// The edge that has ended, and its normal, rounded.
+    pub edge: u32,
+    pub normal: Vec3,
+    /// Change of W just above the one in the slot, in the direction of the sweep.
+    pub change: i32,
+    /// The crossing found before.
+    next: u32,
+}
+
+/// What the edge that ended last has crossed, in one block.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    block: usize,
+    slots: u64,
+    /// Which of them were above it before.
+    rises: u64,
+}
+
+/// The slots of one band, in blocks.
 #[derive(Debug, Default)]
 pub(super) struct Slots {
-    capacity: usize,
-    /// Slots up to the last one taken, in whole lanes.
+    blocks: Vec<Block>,
+    /// Blocks up to the last one with a slot taken.
     used: usize,
-    /// Normals by coordinate: not a number where the slot is free, so that every comparison fails.
-    normals: [Vec<f64>; 3],
-    jumps: Vec<f64>,
-    /// The older edge has the smaller number.
-    ages: Vec<i64>,
-    next_age: i64,
-    /// Word w of slot s at `w * capacity + s`: which edges lay above the slot's edge when it started.
-    rows: Vec<u64>,
-    taken: Vec<u64>,
-    /// The edge in a slot.
-    edges: Vec<u32>,
-}
-
-pub(super) fn has(mask: &[u64], slot: usize) -> bool {
-    mask[slot / WORD] >> (slot % WORD) & 1 != 0
-}
-
-pub(super) fn set(mask: &mut [u64], slot: usize) {
-    mask[slot / WORD] |= 1 << (slot % WORD);
+    /// Which chains of block b lay above that in slot s of block a, at the last vertex of either: `[a * blocks + b][s]`.
+    rows: Vec<[u64; WORD]>,
+    crossed: Vec<Crossed>,
+    /// The first of those that are no longer needed.
+    spare: u32,
+    crossing: Vec<Crossing>,
 }
 
 impl Slots {
     /// Frees all slots.
     pub fn reset(&mut self) {
         self.used = 0;
-        self.next_age = 0;
-        self.taken.fill(0);
-        for axis in &mut self.normals {
-            axis.fill(f64::NAN);
-        }
-        self.jumps.fill(0.0);
+        self.blocks.fill(EMPTY);
+        self.crossed.clear();
+        self.spare = NIL;
     }
 
-    /// Whether keeping order would be better than comparing one by one.
+    /// Whether keeping order would be better.
     pub fn is_crowded(&self) -> bool {
-        const MOST: usize = 4096;
-        self.capacity > MOST
+        self.used > MOST_BLOCKS
     }
 
-    /// The edges in all slots taken.
-    pub fn taken_edges(&self) -> impl Iterator<Item = u32> {
-        (0..self.used).filter(|&slot| has(&self.taken, slot)).map(|slot| self.edges[slot])
+    /// The chains in all slots taken.
+    pub fn taken(&self) -> impl Iterator<Item = u32> {
+        self.blocks.iter().flat_map(|block| bits(block.taken).map(|bit| block.chains[bit]))
     }
 
-    /// Words of a mask.
-    pub fn words(&self) -> usize {
-        self.capacity / WORD
+    fn row(&self, slot: usize, block: usize) -> u64 {
+        self.rows[slot / WORD * self.blocks.len() + block][slot % WORD]
     }
 
-    pub fn taken(&self) -> &[u64] {
-        &self.taken
+    /// Whether a chain keeps others from being compared faster: it is the last one of a block, far behind a free slot.
+    #[inline(always)]
+    pub fn is_astray(&self, slot: usize) -> bool {
+        let (block, bit) = (slot / WORD, slot % WORD);
+        block + 1 == self.used && self.blocks[block].taken >> bit == 1 && self.free() + 2 * LANES < slot
     }
 
-    pub fn jump(&self, slot: usize) -> i32 {
-        self.jumps[slot] as i32
+    /// The first free slot; beyond all blocks if there is none.
+    #[inline(always)]
+    fn free(&self) -> usize {
+        let block = self.blocks.iter().position(|block| block.taken != u64::MAX);
+        block.map_or(WORD * self.blocks.len(), |b| WORD * b + self.blocks[b].taken.trailing_ones() as usize)
     }
 
-    /// The edge in a slot.
-    pub fn edge(&self, slot: usize) -> u32 {
-        self.edges[slot]
-    }
-
-    /// Puts an edge into a free slot; `above` are the slots of the edges above its start.
-    pub fn insert(&mut self, edge: u32, normal: DVec3, jump: i32, above: &[u64]) -> usize {
-        if self.taken.iter().all(|&word| word == u64::MAX) {
+    /// Takes a free slot for a chain; its edge starts at the vertex at hand, or below what is marked as above.
+    #[inline(always)]
+    pub fn insert(&mut self, id: u32, chain: &Chain, is_continued: bool) -> usize {
+        let slot = self.free();
+        let (a, bit) = (slot / WORD, slot % WORD);
+        if a == self.blocks.len() {
             self.grow();
         }
-        let word = self.taken.iter().position(|&word| word != u64::MAX).expect("there is a free slot");
-        let slot = WORD * word + self.taken[word].trailing_ones() as usize;
-        set(&mut self.taken, slot);
-        self.used = self.used.max((slot / LANES + 1) * LANES);
-        for (axis, value) in self.normals.iter_mut().zip(normal.to_array()) {
-            axis[slot] = value;
+        if a >= self.used {
+            // It has not been looked at.
+            self.blocks[a].above = 0;
+            self.used = a + 1;
         }
-        self.jumps[slot] = f64::from(jump);
-        self.ages[slot] = self.next_age;
-        self.next_age += 1;
-        self.edges[slot] = edge;
-        for word in 0..self.words() {
-            self.rows[word * self.capacity + slot] = above.get(word).copied().unwrap_or(0);
+        let block = &mut self.blocks[a];
+        block.taken |= 1 << bit;
+        block.set_jump(bit, chain.jump);
+        block.chains[bit] = id;
+        // It is above those that are not above it.
+        for b in 0..self.used {
+            set_column(&mut self.rows[b * self.blocks.len() + a], bit, !self.blocks[b].above);
         }
+        self.follow(slot, chain, is_continued);
         slot
     }
 
-    /// Frees a slot. What it held can be read until the next edge is inserted.
-    pub fn remove(&mut self, slot: usize) {
-        self.taken[slot / WORD] &= !(1 << (slot % WORD));
-        for axis in &mut self.normals {
-            axis[slot] = f64::NAN;
+    /// A chain's next edge starts in its slot at the vertex at hand.
+    #[inline(always)]
+    pub fn follow(&mut self, slot: usize, chain: &Chain, is_continued: bool) {
+        let (a, bit) = (slot / WORD, slot % WORD);
+        let count = self.blocks.len();
+        for (rows, block) in self.rows[a * count..][..self.used].iter_mut().zip(&self.blocks) {
+            rows[bit] = block.above;
         }
-        if slot + LANES >= self.used {
-            let last = self.taken.iter().rposition(|&word| word != 0);
-            self.used = last.map_or(0, |word| {
-                let end = WORD * (word + 1) - self.taken[word].leading_zeros() as usize;
-                end.next_multiple_of(LANES)
-            });
+        let block = &mut self.blocks[a];
+        put(&mut block.continued, bit, is_continued);
+        let Tally { last, first, .. } = std::mem::replace(&mut block.tallies[bit], NONE);
+        if let Some(first) = self.crossed.get_mut(first as usize) {
+            first.next = std::mem::replace(&mut self.spare, last);
+        }
+        let [nx, ny, nz] = &mut block.normals;
+        (nx[bit], ny[bit], nz[bit]) = chain.normal.into();
+    }
+
+    /// Lets a slot out of comparisons.
+    #[inline(always)]
+    pub fn hide(&mut self, slot: usize) {
+        self.blocks[slot / WORD].normals[0][slot % WORD] = f32::NAN;
+    }
+
+    /// Frees a slot. What lay above it can be asked until another chain is inserted.
+    #[inline(always)]
+    pub fn remove(&mut self, slot: usize) {
+        self.hide(slot);
+        self.blocks[slot / WORD].taken &= !(1 << (slot % WORD));
+        while self.used > 0 && self.blocks[self.used - 1].taken == 0 {
+            self.used -= 1;
         }
     }
 
+    #[cold]
     fn grow(&mut self) {
-        let (old, new) = (self.capacity, (2 * self.capacity).max(WORD));
-        let mut rows = vec![0; new / WORD * new];
-        for word in 0..old / WORD {
-            rows[word * new..word * new + old].copy_from_slice(&self.rows[word * old..(word + 1) * old]);
+        let old = self.blocks.len();
+        let new = (2 * old).max(1);
+        let mut rows = vec![[0; WORD]; new * new];
+        for block in 0..old {
+            rows[block * new..][..old].copy_from_slice(&self.rows[block * old..][..old]);
         }
         self.rows = rows;
-        self.normals.iter_mut().for_each(|axis| axis.resize(new, f64::NAN));
-        self.jumps.resize(new, 0.0);
-        self.ages.resize(new, 0);
-        self.edges.resize(new, NIL);
-        self.taken.resize(new / WORD, 0);
-        self.capacity = new;
+        self.blocks.resize(new, EMPTY);
     }
 
-    /// Writes to `above` which edges pass above a unit vector. Returns the sum of their jumps, and whether one of the active
-    /// edges passes so near that this is in doubt.
-    pub fn sides(&self, position: DVec3, above: &mut Vec<u64>) -> (i32, bool) {
-        above.clear();
-        above.resize(self.words(), 0);
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2.
-            return unsafe { self.sides_avx2(position, above) };
-        }
-        self.sides_portable(position, above)
+    /// Sum of the jumps of all that is marked as above.
+    #[inline(always)]
+    pub fn jumps_above(&self) -> i32 {
+        self.blocks[..self.used].iter().map(Block::jumps_above).sum()
     }
 
-    fn sides_portable(&self, position: DVec3, above: &mut [u64]) -> (i32, bool) {
-        let (mut sum, mut is_near) = (0.0, false);
-        for slot in 0..self.used {
-            let normal = DVec3::new(self.normals[0][slot], self.normals[1][slot], self.normals[2][slot]);
-            let height = normal.dot(position);
-            is_near |= height.abs() < DOUBT;
-            if height < 0.0 {
-                set(above, slot);
-                sum += self.jumps[slot];
+    /// Marks nothing as above.
+    pub fn clear_above(&mut self) {
+        self.blocks.iter_mut().for_each(|block| block.above = 0);
+    }
+
+    /// Marks a slot as above.
+    pub fn set_above(&mut self, slot: usize) {
+        self.blocks[slot / WORD].above |= 1 << (slot % WORD);
+    }
+
+    /// Whether one slot lay above another at the last vertex of either.
+    pub fn was_above(&self, slot: usize, other: usize) -> bool {
+        self.row(slot, other / WORD) >> (other % WORD) & 1 != 0
+    }
+
+    /// Enters what the edge in a slot, ending at the vertex at hand, has crossed since the last vertices; in the first of
+    /// its bands, or in one in which that above has been asked. Returns the sum of the sizes of jumps that have crossed the edge
+    /// in all its life, as far as this band counts them.
+    #[inline(always)]
+    pub fn cross(&mut self, slot: usize, is_first: bool, chain: &Chain) -> i32 {
+        let (a, mine, count) = (slot / WORD, 1 << (slot % WORD), self.blocks.len());
+        let Chain { edge, normal, jump, .. } = *chain;
+        let mut sum = self.blocks[a].tallies[slot % WORD].size;
+        self.crossing.clear();
+        for (b, block) in self.blocks[..self.used].iter_mut().enumerate() {
+            let was_above = self.rows[a * count + b][slot % WORD];
+            let crossed = (was_above ^ block.above) & block.taken;
+            if crossed == 0 {
+                continue;
             }
-        }
-        (sum as i32, is_near)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn sides_avx2(&self, position: DVec3, above: &mut [u64]) -> (i32, bool) {
-        use std::arch::x86_64::*;
-        let [x, y, z] = position.to_array().map(|value| _mm256_set1_pd(value));
-        let (zero, doubt, sign) = (_mm256_setzero_pd(), _mm256_set1_pd(DOUBT), _mm256_set1_pd(-0.0));
-        let (mut sum, mut near) = (zero, zero);
-        let [nx, ny, nz] = self.normals.each_ref().map(|axis| axis[..self.used].chunks_exact(LANES));
-        let jumps = self.jumps[..self.used].chunks_exact(LANES);
-        for (block, (((nx, ny), nz), jumps)) in nx.zip(ny).zip(nz).zip(jumps).enumerate() {
-            // SAFETY: chunks hold four numbers each.
-            let [nx, ny, nz, jumps] = [nx, ny, nz, jumps].map(|lane| unsafe { _mm256_loadu_pd(lane.as_ptr()) });
-            // In the order of the portable sum.
-            let height = _mm256_add_pd(_mm256_mul_pd(nx, x), _mm256_mul_pd(ny, y));
-            let height = _mm256_add_pd(height, _mm256_mul_pd(nz, z));
-            let is_above = _mm256_cmp_pd::<_CMP_LT_OQ>(height, zero);
-            near = _mm256_or_pd(near, _mm256_cmp_pd::<_CMP_LT_OQ>(_mm256_andnot_pd(sign, height), doubt));
-            sum = _mm256_add_pd(sum, _mm256_and_pd(is_above, jumps));
-            above[block / 16] |= (_mm256_movemask_pd(is_above) as u64) << (LANES * (block % 16));
-        }
-        let mut sums = [0.0; LANES];
-        // SAFETY: the array holds four numbers.
-        unsafe { _mm256_storeu_pd(sums.as_mut_ptr(), sum) };
-        (sums.iter().sum::<f64>() as i32, _mm256_movemask_pd(near) != 0)
-    }
-
-    /// The edges that pass within rounding of a unit vector.
-    pub fn near(&self, position: DVec3) -> impl Iterator<Item = u32> {
-        (0..self.used).filter_map(move |slot| {
-            let normal = DVec3::new(self.normals[0][slot], self.normals[1][slot], self.normals[2][slot]);
-            (normal.dot(position).abs() < DOUBT).then_some(self.edges[slot])
-        })
-    }
-
-    /// Appends to `masks` which edges lay above the edge in `slot` when the younger of the two started.
-    pub fn above_at_start(&self, slot: usize, masks: &mut Vec<u64>) {
-        let first = masks.len();
-        masks.resize(first + self.words(), 0);
-        let above = &mut masks[first..];
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2.
-            unsafe { self.younger_above_avx2(slot, above) };
-            return;
-        }
-        self.younger_above_portable(slot, above);
-    }
-
-    /// Of younger edges it is known which had this one above them: the others are above.
-    fn younger_above_portable(&self, slot: usize, above: &mut [u64]) {
-        let (row, bit) = (slot / WORD * self.capacity, slot % WORD);
-        for (word, above) in above.iter_mut().enumerate() {
-            let (mut younger, mut below) = (0, 0);
-            for (bits, other) in (WORD * word..self.used.min(WORD * (word + 1))).enumerate() {
-                younger |= u64::from(self.ages[other] > self.ages[slot]) << bits;
-                below |= (self.rows[row + other] >> bit & 1) << bits;
-            }
-            *above = self.rows[word * self.capacity + slot] & !younger | !below & younger;
-        }
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn younger_above_avx2(&self, slot: usize, above: &mut [u64]) {
-        use std::arch::x86_64::*;
-        let (row, bit) = (slot / WORD * self.capacity, slot % WORD);
-        let age = _mm256_set1_epi64x(self.ages[slot]);
-        let to_sign = _mm_cvtsi64_si128((WORD - 1 - bit) as i64);
-        for (word, above) in above.iter_mut().enumerate() {
-            let slots = WORD * word..self.used.min(WORD * (word + 1));
-            let (mut younger, mut below) = (0, 0);
-            if !slots.is_empty() {
-                let ages = self.ages[slots.clone()].chunks_exact(LANES);
-                let rows = self.rows[row + slots.start..row + slots.end].chunks_exact(LANES);
-                for (block, (ages, rows)) in ages.zip(rows).enumerate() {
-                    // SAFETY: chunks hold four numbers each.
-                    let (ages, rows) =
-                        unsafe { (_mm256_loadu_si256(ages.as_ptr().cast()), _mm256_loadu_si256(rows.as_ptr().cast())) };
-                    let is_younger = _mm256_castsi256_pd(_mm256_cmpgt_epi64(ages, age));
-                    let is_below = _mm256_castsi256_pd(_mm256_sll_epi64(rows, to_sign));
-                    younger |= (_mm256_movemask_pd(is_younger) as u64) << (LANES * block);
-                    below |= (_mm256_movemask_pd(is_below) as u64) << (LANES * block);
+            let rows = &mut self.rows[b * count + a];
+            let twice = if is_first { 0 } else { crossed & block.continued };
+            bits(twice).for_each(|bit| rows[bit] ^= mine);
+            let slots = crossed ^ twice;
+            for bit in bits(slots) {
+                rows[bit] ^= mine;
+                let tally = &mut block.tallies[bit];
+                tally.size += jump.abs();
+                let sign = 2 * (was_above >> bit & 1) as i32 - 1;
+                let crossed = Crossed { edge, normal, change: sign * jump, next: tally.last };
+                match self.crossed.get_mut(self.spare as usize) {
+                    Some(spare) => {
+                        tally.last = std::mem::replace(&mut self.spare, spare.next);
+                        *spare = crossed;
+                    }
+                    None => {
+                        tally.last = self.crossed.len() as u32;
+                        self.crossed.push(crossed);
+                    }
                 }
+                tally.first = select_unpredictable(tally.first == NIL, tally.last, tally.first);
             }
-            *above = self.rows[word * self.capacity + slot] & !younger | !below & younger;
+            sum += block.sizes(slots);
+            self.crossing.push(Crossing { block: b, slots, rises: was_above });
         }
+        sum
+    }
+
+    /// Calls back for the crossings of the edge in a slot with others that have ended.
+    #[inline(always)]
+    pub fn each_crossed(&self, slot: usize, mut found: impl FnMut(&Crossed)) {
+        let mut last = self.blocks[slot / WORD].tallies[slot % WORD].last;
+        while let Some(crossed) = self.crossed.get(last as usize) {
+            found(crossed);
+            last = crossed.next;
+        }
+    }
+
+    /// Calls back for what the edge that ended last has crossed: the chain, its normal, and whether it was above before.
+    #[inline(always)]
+    pub fn each_crossing(&self, mut found: impl FnMut(u32, Vec3, bool)) {
+        for &Crossing { block, slots, rises } in &self.crossing {
+            let block = &self.blocks[block];
+            bits(slots).for_each(|bit| found(block.chains[bit], block.normal(bit), rises >> bit & 1 != 0));
+        }
+    }
+
+    /// Marks which chains pass above a unit vector; whether for one this is in doubt, which then is doubtful. `rounded` is the
+    /// vector in single precision, which is enough for most.
+    #[inline(always)]
+    pub fn look(&mut self, position: DVec3, rounded: Vec3, edges: &Edges, chains: &mut [Chain]) -> bool {
+        let mut is_near = false;
+        for block in &mut self.blocks[..self.used] {
+            if block.look(rounded) {
+                is_near |= block.look_closely(position, edges, chains);
+            }
+        }
+        is_near
     }
 }
 
@@ -254,35 +256,77 @@ mod tests {
     use super::*;
     use crate::visibility::exact::tests::scenes::Random;
 
-    /// Edges come and go, over several words.
+    fn chain(random: &mut Random) -> Chain {
+        let jump = if random.number() < 0.5 { -2 } else { 1 };
+        let (normal, above) = (random.direction().as_vec3(), 0);
+        let flags = (true, false);
+        Chain {
+            edge: 0,
+            normal,
+            jump,
+            above,
+            starts_above_horizon: flags.0,
+            is_doubtful: flags.1,
+            first_band: 0,
+            last_band: 0,
+        }
+    }
+
+    /// Chains come, go on and go, over several blocks; what is kept of them is compared with what the normals say.
     #[test]
-    fn portable_and_dispatched_kernels_agree_to_the_bit() {
+    fn masks_follow_the_normals() {
         let mut random = Random(21);
         let mut slots = Slots::default();
         slots.reset();
-        let (mut held, mut above) = (Vec::new(), Vec::new());
-        for step in 0..600 {
-            let w = random.direction();
-            let (sum, is_near) = slots.sides(w, &mut above);
-            let mut portable = vec![0; slots.words()];
-            assert_eq!(slots.sides_portable(w, &mut portable), (sum, is_near));
-            assert_eq!(above, portable);
-            assert!(!is_near && above.iter().zip(slots.taken()).all(|(above, taken)| above & !taken == 0));
-            let jump = if random.number() < 0.5 { -2 } else { 1 };
-            held.push(slots.insert(step, random.direction(), jump, &above));
-            if random.number() < 0.7 * held.len() as f64 / 150.0 {
-                let slot = held.swap_remove((random.number() * held.len() as f64) as usize);
-                let mut masks = vec![0; 3];
-                slots.above_at_start(slot, &mut masks);
-                let mut portable = vec![0; slots.words()];
-                slots.younger_above_portable(slot, &mut portable);
-                assert_eq!(masks.split_off(3), portable);
-                slots.remove(slot);
+        let mut held: Vec<(usize, Chain)> = Vec::new();
+        let mut sides: Vec<Vec<bool>> = Vec::new();
+        for step in 0..1500 {
+            let w = random.direction().as_vec3();
+            for block in &mut slots.blocks[..slots.used] {
+                let near = block.look(w);
+                let above = block.above;
+                assert_eq!((block.look_portable(w), block.above), (near, above));
+            }
+            let is_above = |slot: usize| slots.blocks[slot / WORD].above >> (slot % WORD) & 1 != 0;
+            let height = |chain: &Chain| chain.normal.x * w.x + chain.normal.y * w.y + chain.normal.z * w.z;
+            assert!(held.iter().all(|(slot, chain)| is_above(*slot) == (height(chain) < 0.0)));
+            let jumps = held.iter().filter(|(_, chain)| height(chain) < 0.0).map(|(_, chain)| chain.jump);
+            assert_eq!(slots.jumps_above(), jumps.sum::<i32>());
+
+            // The bookkeeping that masks save: whether each lay above each at the last vertex of either.
+            let above: Vec<bool> = held.iter().map(|(_, chain)| height(chain) < 0.0).collect();
+            let one = (random.number() * held.len() as f64) as usize;
+            if step % 3 > 0 && one < held.len() {
+                let (slot, old) = held[one];
+                slots.hide(slot);
+                slots.blocks.iter_mut().for_each(|block| _ = block.look(w));
+                let crossed = (0..held.len()).filter(|&other| other != one && sides[one][other] != above[other]);
+                let sum: i32 = crossed.map(|other| held[other].1.jump.abs()).sum();
+                let before = slots.blocks[slot / WORD].tallies[slot % WORD].size;
+                assert_eq!(slots.cross(slot, true, &old) - before, sum);
+                for other in (0..held.len()).filter(|&other| other != one) {
+                    sides[one][other] = above[other];
+                    sides[other][one] = !above[other];
+                }
+                if random.number() < held.len() as f64 / 300.0 {
+                    slots.remove(slot);
+                    held.remove(one);
+                    sides.remove(one);
+                    sides.iter_mut().for_each(|row| _ = row.remove(one));
+                } else {
+                    held[one].1 = Chain { jump: old.jump, ..chain(&mut random) };
+                    slots.follow(slot, &held[one].1, false);
+                }
+            } else {
+                let new = chain(&mut random);
+                held.push((slots.insert(step, &new, false), new));
+                sides.iter_mut().zip(&above).for_each(|(row, above)| row.push(!above));
+                sides.push([above, vec![false]].concat());
+            }
+            for (a, row) in held.iter().zip(&sides) {
+                assert!(held.iter().zip(row).all(|(b, &side)| a.0 == b.0 || slots.was_above(a.0, b.0) == side));
             }
         }
-        assert!(held.len() > 100 && slots.words() > 1);
-        let on_it = DVec3::new(slots.normals[1][held[0]], -slots.normals[0][held[0]], 0.0).normalize();
-        assert!(slots.sides(on_it, &mut above).1);
-        assert_eq!(slots.near(on_it).collect::<Vec<_>>(), [slots.edge(held[0])]);
+        assert!(held.len() > 2 * WORD, "{}", held.len());
     }
 }

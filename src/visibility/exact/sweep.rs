@@ -14,7 +14,7 @@ use glam::DVec3;
 use super::chart::{Chart, TURN_END, azimuth};
 use super::crossings::{Crossing, Crossings};
 use super::edges::{Edge, Edges, NIL, SEAM, TOP, Vertex, on_line, on_seam};
-use super::landmarks::Landmarks;
+use super::landmarks::{Landmarks, NO_LANDMARK};
 use super::region::Region;
 
 /// Buffers of the sweep, kept between receivers.
@@ -24,14 +24,38 @@ pub(super) struct Queue {
     pub(super) ends: Vec<u32>,
     pub(super) starts: Vec<u32>,
     pub(super) landmarks: Landmarks,
+    /// By edge.
+    pub(super) status: Vec<Status>,
     /// Where the boundary arcs under way began, of {W = 0} and of {W < 0}, for edges whose `visible` or `negative` is not 0.
     pub(super) from: Vec<[DVec3; 2]>,
+}
+
+/// An edge's place in the order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Status {
+    /// Neighbours, downwards and upwards.
+    pub next: u32,
+    pub prev: u32,
+    /// W just above.
+    pub above: i32,
+    /// Place among the landmarks, if it is one.
+    pub landmark: u16,
+    /// Side of the edge on which W = 0 alone (+1 above, -1 below, 0 neither or both).
+    pub visible: i8,
+    /// The same for W < 0.
+    pub negative: i8,
+}
+
+impl Default for Status {
+    fn default() -> Self {
+        Self { next: NIL, prev: NIL, above: 0, landmark: NO_LANDMARK, visible: 0, negative: 0 }
+    }
 }
 
 /// Sweeps over the edges and writes the boundary of {W = 0} and the residuals; `depth_at_pole` is W at the pole. Returns
 /// a direction away from pole and edges, and W there as the sweep has it.
 pub(super) fn sweep(
-    edges: &mut Edges,
+    edges: &Edges,
     queue: &mut Queue,
     chart: &Chart,
     depth_at_pole: i32,
@@ -41,9 +65,11 @@ pub(super) fn sweep(
     region.residuals.unbalanced = edges.bad;
     queue.crossings.reset(edges.vertices.len());
     queue.landmarks.reset();
+    queue.status.clear();
+    queue.status.resize(edges.edges.len(), Status::default());
     queue.from.resize(edges.edges.len(), [DVec3::ZERO; 2]);
     let mut sweep = Sweep {
-        edges: &mut edges.edges,
+        edges: &edges.edges,
         vertices: &edges.vertices,
         queue,
         chart,
@@ -51,7 +77,7 @@ pub(super) fn sweep(
         horizon: edges.horizon,
         region,
     };
-    sweep.begin(&mut edges.at_seam, depth_at_pole);
+    sweep.begin(&edges.at_seam, depth_at_pole);
     let (check, depth) = sweep.widest_gap();
     let mut quarter = 1.0;
     for rank in 0..edges.vertices.len() {
@@ -62,7 +88,7 @@ pub(super) fn sweep(
         }
         sweep.cross_until(vertex.azimuth);
         sweep.now = vertex.azimuth;
-        sweep.vertex(&vertex, Edges::starts(sweep.vertices, sweep.edges, rank));
+        sweep.vertex(&vertex, edges.ends[rank], edges.starts(rank));
     }
     while quarter < TURN_END {
         sweep.break_horizon(quarter);
@@ -76,7 +102,7 @@ pub(super) fn sweep(
 
 /// The state of one sweep: the order as a linked list through the active edges.
 pub(super) struct Sweep<'a> {
-    pub(super) edges: &'a mut [Edge],
+    pub(super) edges: &'a [Edge],
     pub(super) vertices: &'a [Vertex],
     pub(super) queue: &'a mut Queue,
     pub(super) chart: &'a Chart,
@@ -92,48 +118,52 @@ impl Sweep<'_> {
         &self.edges[id as usize]
     }
 
-    pub(super) fn edge_mut(&mut self, id: u32) -> &mut Edge {
-        &mut self.edges[id as usize]
+    pub(super) fn status(&self, id: u32) -> &Status {
+        &self.queue.status[id as usize]
+    }
+
+    pub(super) fn status_mut(&mut self, id: u32) -> &mut Status {
+        &mut self.queue.status[id as usize]
     }
 
     pub(super) fn below(&self, id: u32) -> i32 {
-        let edge = self.edge(id);
-        edge.above + edge.jump
+        self.status(id).above + self.edge(id).jump
     }
 
     pub(super) fn link(&mut self, upper: u32, lower: u32) {
-        self.edge_mut(upper).next = lower;
+        self.status_mut(upper).next = lower;
         if lower != NIL {
-            self.edge_mut(lower).prev = upper;
+            self.status_mut(lower).prev = upper;
         }
     }
 
     /// Puts the edges that cross the seam in order.
-    pub(super) fn begin(&mut self, at_seam: &mut [u32], depth_at_pole: i32) {
+    pub(super) fn begin(&mut self, at_seam: &[u32], depth_at_pole: i32) {
         let latitude = |id: u32| on_seam(self.edges[id as usize].normal).z;
+        let mut at_seam = at_seam.to_vec();
         at_seam.sort_by(|&a, &b| latitude(b).total_cmp(&latitude(a)).then(a.cmp(&b)));
-        let top = self.edge_mut(TOP);
+        let top = self.status_mut(TOP);
         (top.above, top.next) = (depth_at_pole, NIL);
         let mut upper = TOP;
-        for &id in &*at_seam {
+        for &id in &at_seam {
             self.link(upper, id);
-            self.edge_mut(id).next = NIL;
-            self.edge_mut(id).above = self.below(upper);
+            self.status_mut(id).next = NIL;
+            self.status_mut(id).above = self.below(upper);
             upper = id;
         }
-        for &id in &*at_seam {
+        for &id in &at_seam {
             self.refresh(id, on_seam(self.edge(id).normal));
-            let upper = self.edge(id).prev;
+            let upper = self.status(id).prev;
             self.expect_crossing(upper, id);
         }
     }
 
     /// The middle of the widest gap between edges at the seam, where nothing rounds to the wrong side, and W there.
     fn widest_gap(&self) -> (DVec3, i32) {
-        let mut widest = (0.0, DVec3::Z, self.edge(TOP).above);
+        let mut widest = (0.0, DVec3::Z, self.status(TOP).above);
         let (mut id, mut from) = (TOP, DVec3::Z);
         loop {
-            let next = self.edge(id).next;
+            let next = self.status(id).next;
             // Below the last edge lies the other pole.
             let to = if next == NIL { -DVec3::Z } else { on_seam(self.edge(next).normal) };
             let width = from.z - to.z;
@@ -218,7 +248,7 @@ impl Sweep<'_> {
         while let Some(crossing) = self.queue.crossings.pop_until(azimuth) {
             let (upper, lower) = (crossing.upper(), crossing.lower());
             // An edge that has ended has no next.
-            if self.edge(upper).next == lower {
+            if self.status(upper).next == lower {
                 self.now = crossing.azimuth();
                 self.exchange(upper, lower, None);
             }
@@ -239,15 +269,15 @@ impl Sweep<'_> {
     /// Exchanges two neighbours at a point, or where they cross.
     pub(super) fn exchange(&mut self, upper: u32, lower: u32, point: Option<DVec3>) {
         self.region.residuals.crossings += 1;
-        let (before, after) = (self.edge(upper).prev, self.edge(lower).next);
+        let (before, after) = (self.status(upper).prev, self.status(lower).next);
         self.link(before, lower);
         self.link(lower, upper);
         self.link(upper, after);
-        let (top, between) = (self.edge(upper).above, self.edge(lower).above);
+        let (top, between) = (self.status(upper).above, self.status(lower).above);
         let bottom = self.below(lower);
         let between_now = top + self.edge(lower).jump;
-        self.edge_mut(lower).above = top;
-        self.edge_mut(upper).above = between_now;
+        self.status_mut(lower).above = top;
+        self.status_mut(upper).above = between_now;
         let was_and_is_hidden = top.min(bottom).min(between).min(between_now) > 0;
         if !was_and_is_hidden && (self.is_stale(upper) || self.is_stale(lower)) {
             let point = point.unwrap_or_else(|| self.crossing_point(upper, lower));
@@ -260,14 +290,14 @@ impl Sweep<'_> {
 
     /// Ends all boundary arcs at the seam.
     pub(super) fn finish(&mut self) {
-        let mut id = self.edge(TOP).next;
+        let mut id = self.status(TOP).next;
         let mut last = TOP;
         while id != NIL {
             let to = on_seam(self.edge(id).normal);
             self.close_visible(id, to);
             self.close_negative(id, to);
             last = id;
-            id = self.edge(id).next;
+            id = self.status(id).next;
         }
         if self.horizon == NIL {
             // The boundary's excess about the pole counts what lies above it; the other pole adds the whole sphere.

@@ -4,14 +4,15 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::edges::{HORIZON_JUMP, NIL, NO_LANDMARK, TOP, Vertex};
+use super::edges::{HORIZON_JUMP, NIL, TOP, Vertex};
+use super::landmarks::NO_LANDMARK;
 use super::sweep::Sweep;
 
 impl Sweep<'_> {
     /// Replaces the edges that end at a vertex by those that start there.
-    pub(super) fn vertex(&mut self, vertex: &Vertex, starts: Range<u32>) {
+    pub(super) fn vertex(&mut self, vertex: &Vertex, ends: u32, starts: Range<u32>) {
         let (position, is_below) = (vertex.position, vertex.height <= 0.0);
-        self.collect(vertex.ends, starts, is_below);
+        self.collect(ends, starts, is_below);
         let (mut upper, lower) = match (self.queue.ends.is_empty(), self.queue.starts.is_empty()) {
             (true, true) => return,
             (true, false) => self.locate(position, is_below),
@@ -21,14 +22,14 @@ impl Sweep<'_> {
         for i in 0..self.queue.starts.len() {
             let id = self.queue.starts[i];
             self.link(upper, id);
-            self.edge_mut(id).above = self.below(upper);
+            self.status_mut(id).above = self.below(upper);
             self.refresh(id, position);
             upper = id;
         }
         self.link(upper, lower);
         let mut above = first;
         while above != lower {
-            let below = self.edge(above).next;
+            let below = self.status(above).next;
             self.expect_crossing(above, below);
             above = below;
         }
@@ -70,8 +71,8 @@ impl Sweep<'_> {
             for i in 0..self.queue.ends.len() {
                 let id = self.queue.ends[i];
                 // Above the horizon by rounding only.
-                while self.edge(id).above < HORIZON_JUMP / 2 && self.edge(id).next != NIL {
-                    self.force(id, self.edge(id).next, position);
+                while self.status(id).above < HORIZON_JUMP / 2 && self.status(id).next != NIL {
+                    self.force(id, self.status(id).next, position);
                 }
             }
         }
@@ -79,29 +80,29 @@ impl Sweep<'_> {
         for i in 1..self.queue.ends.len() {
             let id = self.queue.ends[i];
             if self.is_below(highest, id) {
-                while self.edge(id).prev != lowest {
-                    self.force(self.edge(id).prev, id, position);
+                while self.status(id).prev != lowest {
+                    self.force(self.status(id).prev, id, position);
                 }
                 lowest = id;
             } else {
-                while self.edge(id).next != highest {
-                    self.force(id, self.edge(id).next, position);
+                while self.status(id).next != highest {
+                    self.force(id, self.status(id).next, position);
                 }
                 highest = id;
             }
         }
-        let (upper, lower) = (self.edge(highest).prev, self.edge(lowest).next);
+        let (upper, lower) = (self.status(highest).prev, self.status(lowest).next);
         for i in 0..self.queue.ends.len() {
             let id = self.queue.ends[i];
             self.close_visible(id, position);
             self.close_negative(id, position);
-            self.edge_mut(id).next = NIL;
-            let landmark = self.edge(id).landmark;
+            self.status_mut(id).next = NIL;
+            let landmark = self.status(id).landmark;
             if landmark != NO_LANDMARK {
-                let free = self.queue.starts.iter().copied().find(|&start| self.edge(start).landmark == NO_LANDMARK);
+                let free = self.queue.starts.iter().copied().find(|&start| self.status(start).landmark == NO_LANDMARK);
                 self.queue.landmarks.replace(landmark, free.unwrap_or(NIL));
                 if let Some(successor) = free {
-                    self.edge_mut(successor).landmark = landmark;
+                    self.status_mut(successor).landmark = landmark;
                 }
             }
         }
@@ -119,13 +120,13 @@ impl Sweep<'_> {
         let (mut up, mut down) = (reference, reference);
         loop {
             if down != NIL {
-                down = self.edge(down).next;
+                down = self.status(down).next;
                 if down == id {
                     return true;
                 }
             }
             if up != TOP {
-                up = self.edge(up).prev;
+                up = self.status(up).prev;
                 if up == id {
                     return false;
                 }

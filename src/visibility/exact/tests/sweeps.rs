@@ -25,7 +25,7 @@ fn both(triangles: &[Triangle], receiver: DVec3, normal: Option<DVec3>) -> (Opti
     let mut region = Region::default();
     let certain = masks::sweep(&edges, &mut masks::Buffers::default(), &chart, at_pole, &mut region).ok();
     let certain = certain.map(|check| answer(&region, check));
-    let check = sweep::sweep(&mut edges, &mut sweep::Queue::default(), &chart, at_pole, &mut region);
+    let check = sweep::sweep(&edges, &mut sweep::Queue::default(), &chart, at_pole, &mut region);
     (certain, answer(&region, check))
 }
 

@@ -1,0 +1,70 @@
+use cpu_time::ProcessTime;
+
+use crate::bake::{Control, Method, Prepared, Request, Skips, Unmoved};
+use crate::{Error, Result};
+
+use super::Track;
+
+/// What leaving one kind of needless work undone gains.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gain {
+    /// Scene it was measured in.
+    pub scene: String,
+    /// The kind of work.
+    pub skip: &'static str,
+    /// Seconds of processor time per receiver with everything left undone that can be.
+    pub with: f64,
+    /// The same, but this is done after all.
+    pub without: f64,
+    /// Whether both gave the same bits.
+    pub same_bits: bool,
+}
+
+/// Isolines along which the gains are measured.
+pub(super) const LINES: u32 = 64;
+/// Rounds, in each of which all kinds have their turn; the least time counts.
+const ROUNDS: usize = 3;
+
+impl Gain {
+    /// The gains of all kinds of work on a track, for the occlusion along isolines. What `prepared` has built is used again.
+    ///
+    /// # Errors
+    /// As [`Prepared::integrate`], and [`Error::Interrupted`] when `control` asks to stop.
+    pub fn measure(mut prepared: Prepared, track: &Track, control: &dyn Control) -> Result<Vec<Self>> {
+        let request = Request { ambient_occlusion: true, ..Request::default() };
+        let mut run = |skips: Skips| {
+            prepared.set_skips(skips);
+            let clock = ProcessTime::try_now();
+            let method = Method::Isolines { lines: LINES };
+            let outcome = prepared.integrate(&track.receivers, &request, method, None, &Unmoved(control))?;
+            if outcome.done.iter().any(|done| !done) {
+                return Err(Error::Interrupted);
+            }
+            let seconds = match clock.and_then(|clock| clock.try_elapsed()) {
+                Ok(time) => time.as_secs_f64(),
+                Err(_) => outcome.statistics.processor_seconds,
+            };
+            Ok((seconds / track.receivers.len().max(1) as f64, outcome.arrays))
+        };
+        // The first run builds what all search in.
+        run(Skips::default())?;
+        let (mut with, expected) = run(Skips::default())?;
+        let mut gains: Vec<Self> = Vec::new();
+        for _ in 0..ROUNDS {
+            with = with.min(run(Skips::default())?.0);
+            for (i, (skip, skips)) in Skips::each().into_iter().enumerate() {
+                let (without, arrays) = run(skips)?;
+                let same_bits = arrays == expected;
+                match gains.get_mut(i) {
+                    Some(gain) => {
+                        gain.without = gain.without.min(without);
+                        gain.same_bits &= same_bits;
+                    }
+                    None => gains.push(Self { scene: track.name.clone(), skip, with, without, same_bits }),
+                }
+            }
+        }
+        gains.iter_mut().for_each(|gain| gain.with = with);
+        Ok(gains)
+    }
+}
