@@ -619,8 +619,16 @@ resolution = [64, 48]
     let picture = image::open(folder.join("film/frame_0001.png")).unwrap();
     assert_eq!((picture.width(), picture.height()), (64, 48));
 
-    let table = succeeds(folder, "judge scene.toml --size 16 --samples 16 --isolines 8 -q -o verdict");
+    #[cfg(feature = "gpu")]
+    for rest in ["--exponential matrix", "--exponential direct --receiver-scale 1"] {
+        let said =
+            succeeds(folder, &format!("animate scene.toml --frames 1 --bake 4 --device gpu {rest} -q -o device"));
+        assert!(said.contains("1 frames, 20 spheres"), "{said}");
+    }
+
+    let table = succeeds(folder, "judge scene.toml --size 16 --samples 16 --isolines 8 --bake 4 -q -o verdict");
     assert!(table.contains("| exponential | ol |") && table.contains("| spheres | 40 |"), "{table}");
+    assert!(table.contains("| static shadows on bodies | none |"), "{table}");
     for name in ["judgement.csv", "judgement.md", "differences.png"] {
         assert!(folder.join("verdict").join(name).exists(), "{name}");
     }
@@ -644,11 +652,6 @@ fn what_proxies_cannot_do_is_said_in_one_line() {
     assert!(fails(folder, "animate --internal-order 3 -o film", 2).contains("less than --order 4"));
     #[cfg(not(feature = "gpu"))]
     lines(fails(folder, "animate --device gpu -o film", 1), "--features gpu");
-    // Drivers may have something to say of their own.
-    #[cfg(feature = "gpu")]
-    assert!(
-        fails(folder, "animate --device gpu --exponential matrix -o .", 1).contains("`matrix` is for processors only")
-    );
     assert!(listing(folder).iter().all(|name| name.ends_with(".toml")));
 }
 

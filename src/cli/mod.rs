@@ -14,6 +14,7 @@ mod proxy_options;
 mod race;
 mod render;
 mod run;
+mod stage;
 mod stress;
 mod terminal;
 mod update;

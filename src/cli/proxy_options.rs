@@ -3,7 +3,7 @@
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
 
-use crate::proxy::{Exponential, IndirectOperator, Interpolant, SelfShadowing, Settings, Upsampling};
+use crate::proxy::{Exponential, IndirectOperator, Interpolant, Overlap, SelfShadowing, Settings, Upsampling};
 use crate::sphere::Order;
 
 use super::Failure;
@@ -21,6 +21,9 @@ pub struct ProxyOptions {
     /// Exponential that turns log visibility into visibility
     #[arg(long, value_enum, default_value_t = Exponential::Ps2)]
     exponential: Exponential,
+    /// What the logarithms of spheres that overlap in a body add up to
+    #[arg(long, value_enum, default_value_t = Overlap::Shared)]
+    overlap: Overlap,
     /// Rule for spheres that reach below a receiver's horizon
     #[arg(long, value_enum, default_value_t = SelfShadowing::Clipped)]
     self_shadowing: SelfShadowing,
@@ -65,6 +68,7 @@ impl ProxyOptions {
             order: Order::new(self.order)?,
             internal_order: Order::new(internal)?,
             exponential: self.exponential,
+            overlap: self.overlap,
             self_shadowing: self.self_shadowing,
             indirect: match self.indirect {
                 Indirect::None => None,

@@ -4,6 +4,7 @@ use glam::{DAffine3, DQuat, DVec3, Vec3};
 
 use super::character::Character;
 use super::clip::Clip;
+use super::overlap::share_overlap;
 use super::walker::Posed;
 use super::{Proxy, Sphere, SphereSet, Surface, fit};
 use crate::bake::Control;
@@ -48,14 +49,14 @@ impl Actor {
         }
     }
 
-    /// The body number `body` as it stands `time` seconds after its start.
+    /// The body as it stands `time` seconds after its start.
     ///
     /// # Errors
     /// Spheres that hang on joints of another character.
-    pub fn pose(&self, time: f64, body: u32) -> Result<Posed> {
+    pub fn pose(&self, time: f64) -> Result<Posed> {
         match self {
-            Self::Walker(walker) => Ok(walker.pose(time, body)),
-            Self::Skinned(skinned) => skinned.pose(time, body),
+            Self::Walker(walker) => Ok(walker.pose(time)),
+            Self::Skinned(skinned) => skinned.pose(time),
         }
     }
 }
@@ -100,7 +101,7 @@ impl Skinned {
         })
     }
 
-    fn pose(&self, time: f64, body: u32) -> Result<Posed> {
+    fn pose(&self, time: f64) -> Result<Posed> {
         let pose = match &self.clip {
             None => self.character.rest(),
             Some(clip) => {
@@ -124,9 +125,10 @@ impl Skinned {
             center: place(sphere.center),
             radius: (self.scale * f64::from(sphere.radius)) as f32,
             albedo: self.albedo.1,
-            body,
+            share: 1.0,
         };
-        let proxies = self.character.place(&self.spheres, &pose)?.into_iter().map(proxy).collect();
+        let mut proxies: Vec<Proxy> = self.character.place(&self.spheres, &pose)?.into_iter().map(proxy).collect();
+        share_overlap(&mut proxies);
         let (triangles, albedo) = (self.triangles.clone(), self.albedo.0.clone());
         Ok(Posed { surface: Surface { positions, normals, triangles, albedo, ..Surface::default() }, proxies })
     }

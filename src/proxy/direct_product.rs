@@ -1,24 +1,25 @@
 //! Visibility without logarithms: the product of what every sphere leaves, direction by direction. The quality mode.
 
 use std::f32::consts::TAU;
-use std::ops::Range;
 
 use super::coverage::Coverage;
 use super::exponential::ONE;
 use super::harmonic_buffer::HarmonicBuffer;
-use super::lanes::{LANES, Lanes, dispatch};
-use super::self_shadow::SelfShadowing;
-use super::splat::{Group, SplatCounts, Tiles, by_bands, tiles};
+use super::lanes::{LANES, Lanes};
+use super::self_shadow::{Seen, SelfShadowing};
+use super::tiles::{Group, Sight, Splat, SplatCounts, splat_tiles};
 use super::{Proxy, Receivers};
 use crate::sphere::{Order, evaluate, product_rule};
 
 /// Latitudes and longitudes of the directions: their rule integrates products of harmonics exactly up to degree 21.
 const RULE: [usize; 2] = [11, 24];
+/// Their number.
+pub(super) const DIRECTIONS: usize = RULE[0] * RULE[1];
 /// Eights of directions.
-const BLOCKS: usize = RULE[0] * RULE[1] / LANES;
+const BLOCKS: usize = DIRECTIONS / LANES;
 /// Half the width, as an angle, over which a cap's rim is spread: a little more than that of a direction's cell, so that no cap
 /// falls between the directions.
-const RIM: f32 = 0.2;
+pub(super) const RIM: f32 = 0.2;
 
 /// The directions, and the harmonics to project onto.
 #[derive(Clone, Debug)]
@@ -55,6 +56,17 @@ impl DirectProduct {
     pub fn order(&self) -> Order {
         self.order
     }
+
+    /// The directions, each with its weight: those of the rule that is projected by.
+    pub fn directions(&self) -> Vec<[f32; 4]> {
+        let lanes = self.directions.iter().zip(&self.weights);
+        lanes.flat_map(|([x, y, z], w)| (0..LANES).map(|i| [x.0[i], y.0[i], z.0[i], w.0[i]])).collect()
+    }
+
+    /// Weight times harmonic, direction after direction for the first coefficient, then for the next.
+    pub fn projection(&self) -> &[f32] {
+        bytemuck::cast_slice(&self.projection)
+    }
 }
 
 /// Visibility of every receiver, in place of [`splat`](super::splat) and [`exponentiate`](super::exponentiate): in each of 264
@@ -72,65 +84,52 @@ pub fn direct_product(
     out: &mut HarmonicBuffer,
 ) -> SplatCounts {
     assert_eq!(out.len(), product.order.len());
-    by_bands(receivers, proxies, out, |rows, out, reached| {
-        product_band(receivers, proxies, product, rule, coverage, rows, out, reached)
-    })
+    splat_tiles(product, Sight { receivers, proxies, rule, coverage }, out)
 }
 
-dispatch! {
-    /// One row of tiles.
-    product_band [] (
-        receivers: &Receivers,
-        proxies: &[Proxy],
-        product: &DirectProduct,
-        rule: SelfShadowing,
-        coverage: Coverage,
-        rows: Range<usize>,
-        out: &mut [Lanes],
-        reached: &mut [bool],
-    ) -> SplatCounts {
-        let len = product.order.len();
-        for visibility in out.chunks_exact_mut(len) {
-            visibility[0] = Lanes::splat(ONE);
-        }
-        let Tiles { mut counts, tiles, lists } = tiles(receivers, proxies, coverage, rows.clone(), reached);
-        for (groups, list) in tiles {
-            let list = &lists[list];
-            for y in rows.clone() {
-                for column in groups.clone() {
-                    let group = Group::load(receivers, receivers.index(column * LANES, y));
-                    let mut open = [[Lanes::splat(1.0); BLOCKS]; LANES];
-                    let mut touched = [false; LANES];
-                    for &i in list {
-                        let Some(seen) = group.see(&proxies[i as usize], rule, coverage) else { continue };
-                        counts.pairs += 1;
-                        for lane in 0..LANES {
-                            let (u, weight) = (seen.u.0[lane], seen.weight.0[lane]);
-                            if weight > 0.0 && u > 0.0 {
-                                touched[lane] = true;
-                                let axis = [seen.axis[0].0[lane], seen.axis[1].0[lane], seen.axis[2].0[lane]];
-                                block(product, axis, u, weight, &mut open[lane]);
-                            }
-                        }
-                    }
-                    let place = ((y - rows.start) * receivers.groups() + column) * len;
-                    for lane in 0..LANES {
-                        if !touched[lane] {
-                            continue;
-                        }
-                        for k in 0..len {
-                            let projection = &product.projection[k * BLOCKS..(k + 1) * BLOCKS];
-                            let mut sum = Lanes::ZERO;
-                            for (projection, open) in projection.iter().zip(&open[lane]) {
-                                sum += *projection * *open;
-                            }
-                            out[place + k].0[lane] = total(sum);
-                        }
-                    }
-                }
+/// What is open of every direction, receiver by receiver, and whether anything was taken away.
+pub(super) struct Open {
+    open: [[Lanes; BLOCKS]; LANES],
+    touched: [bool; LANES],
+}
+
+impl Splat for DirectProduct {
+    type Sum = Open;
+
+    #[inline(always)]
+    fn nothing(&self, out: &mut [Lanes]) {
+        out.fill(Lanes::ZERO);
+        out[0] = Lanes::splat(ONE);
+    }
+
+    #[inline(always)]
+    fn start(&self) -> Open {
+        Open { open: [[Lanes::splat(1.0); BLOCKS]; LANES], touched: [false; LANES] }
+    }
+
+    #[inline(always)]
+    fn add(&self, sum: &mut Open, _: &Group, _: &Proxy, seen: &Seen) {
+        for lane in 0..LANES {
+            let (u, weight) = (seen.u.0[lane], seen.weight.0[lane]);
+            if weight > 0.0 && u > 0.0 {
+                sum.touched[lane] = true;
+                let axis = [seen.axis[0].0[lane], seen.axis[1].0[lane], seen.axis[2].0[lane]];
+                block(self, axis, u, weight, &mut sum.open[lane]);
             }
         }
-        counts
+    }
+
+    #[inline(always)]
+    fn finish(&self, sum: &Open, out: &mut [Lanes]) {
+        for lane in (0..LANES).filter(|lane| sum.touched[*lane]) {
+            for (out, projection) in out.iter_mut().zip(self.projection.chunks_exact(BLOCKS)) {
+                let mut integral = Lanes::ZERO;
+                for (projection, open) in projection.iter().zip(&sum.open[lane]) {
+                    integral += *projection * *open;
+                }
+                out.0[lane] = total(integral);
+            }
+        }
     }
 }
 
@@ -214,7 +213,7 @@ mod tests {
         receivers.depth[2] = 1.0;
         receivers.position.iter_mut().for_each(|plane| plane[2] = 0.0);
         let center = Vec3::new(0.3, 0.9, 1.2);
-        let proxy = Proxy { center, radius: 0.8, albedo: Vec3::ZERO, body: 0 };
+        let proxy = Proxy { center, radius: 0.8, albedo: Vec3::ZERO, share: 1.0 };
         let order = Order::new(4).unwrap();
         let mut out = HarmonicBuffer::zeros(16, 8);
         let coverage = Coverage { expansion: 20.0 };

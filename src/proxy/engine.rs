@@ -78,6 +78,15 @@ impl Engine {
         }
     }
 
+    /// What frames are rendered on.
+    pub fn device(&self) -> &str {
+        match self {
+            Self::Cpu(_) => "the processor",
+            #[cfg(feature = "gpu")]
+            Self::Gpu(renderer) => renderer.gpu().name(),
+        }
+    }
+
     /// Pixels across and down.
     pub fn size(&self) -> [usize; 2] {
         match self {

@@ -353,6 +353,28 @@ mod tests {
     }
 
     #[test]
+    fn the_quadratic_series_lacks_the_third_power() {
+        let order = Order::new(4).unwrap();
+        let [matrix, quadratic] = [Exponential::Matrix, Exponential::Ps2].map(|kind| Exponentiator::new(kind, order));
+        let mut random = Random::new(6);
+        for norm in [0.05, 0.2, 0.9] {
+            let mut f: [Lanes; 16] = std::array::from_fn(|_| Lanes::each(|_| random.between(-1.0, 1.0) as f32));
+            f[0] = Lanes::ZERO;
+            let length = f.iter().fold(Lanes::ZERO, |sum, x| sum + *x * *x).sqrt();
+            let f = f.map(|x| x / length * norm);
+            let (exact, found) = (matrix.exponentiate(f), quadratic.exponentiate(f));
+            // A product with f is at most its greatest value, norm sqrt(15 / 4 pi), times as long.
+            let greatest = norm * (15.0 / (4.0 * std::f32::consts::PI)).sqrt();
+            let rest = ONE * (greatest.exp() - 1.0 - greatest - 0.5 * greatest * greatest) + 1e-6;
+            for lane in 0..LANES {
+                let squares = exact.iter().zip(&found).map(|(a, b)| (a.0[lane] - b.0[lane]).powi(2));
+                let error = squares.sum::<f32>().sqrt();
+                assert!(error < rest, "{norm}: {error} {rest}");
+            }
+        }
+    }
+
+    #[test]
     fn nothing_accumulated_is_one_to_the_bit() {
         for kind in ALL {
             let g = Exponentiator::new(kind, Order::new(4).unwrap()).exponentiate([Lanes::ZERO; 16]);

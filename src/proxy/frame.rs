@@ -264,6 +264,7 @@ impl Renderer {
             direct: self.direct.as_ref(),
             indirect_table: self.indirect_table.as_ref(),
         };
+        let proxies = &*self.settings.overlap.counted(proxies);
         passes.run(receivers, proxies, &mut self.stages, &mut statistics);
 
         let mut clock = Clock(Instant::now());
@@ -392,6 +393,7 @@ impl Clock {
 mod tests {
     use glam::{DVec3, Vec3};
 
+    use super::super::{Overlap, share_overlap};
     use super::*;
     use crate::sphere::{Order, cap, evaluate};
 
@@ -420,7 +422,7 @@ mod tests {
     }
 
     fn proxy(center: Vec3, radius: f32, albedo: f32) -> Proxy {
-        Proxy { center, radius, albedo: Vec3::splat(albedo), body: 0 }
+        Proxy { center, radius, albedo: Vec3::splat(albedo), share: 1.0 }
     }
 
     fn renderer(settings: Settings) -> Renderer {
@@ -428,9 +430,9 @@ mod tests {
     }
 
     const SPHERES: [Proxy; 3] = [
-        Proxy { center: Vec3::new(0.0, 0.9, 0.0), radius: 0.6, albedo: Vec3::new(0.9, 0.2, 0.1), body: 0 },
-        Proxy { center: Vec3::new(0.7, 0.5, 0.3), radius: 0.4, albedo: Vec3::new(0.1, 0.8, 0.1), body: 0 },
-        Proxy { center: Vec3::new(-1.5, 0.2, 1.0), radius: 0.5, albedo: Vec3::ZERO, body: 1 },
+        Proxy { center: Vec3::new(0.0, 0.9, 0.0), radius: 0.6, albedo: Vec3::new(0.9, 0.2, 0.1), share: 1.0 },
+        Proxy { center: Vec3::new(0.7, 0.5, 0.3), radius: 0.4, albedo: Vec3::new(0.1, 0.8, 0.1), share: 1.0 },
+        Proxy { center: Vec3::new(-1.5, 0.2, 1.0), radius: 0.5, albedo: Vec3::ZERO, share: 1.0 },
     ];
 
     #[test]
@@ -510,6 +512,12 @@ mod tests {
         // Back where it was: nothing of the other frame is left.
         moving.render(&[body(-2.0)], &SPHERES).unwrap();
         assert_eq!(moving.radiance(), first);
+        // Without proxies a body is lit as its normal has it.
+        let expected = light().irradiance(DVec3::Z).map(|e| (e / std::f64::consts::PI) as f32);
+        let display = moving.display();
+        let white = (0..96 * 72).filter(|i| display.albedo[2][display.index(i % 96, i / 96)] == 1.0);
+        let lit = white.map(|i| moving.unshadowed()[i]).collect::<Vec<_>>();
+        assert!(lit.len() > 50 && lit.iter().flatten().zip(expected.iter().cycle()).all(|(a, b)| (a - b).abs() < 1e-5));
         // A new light changes the picture, and nothing but the light is new.
         let turned = light().rotated(glam::DMat3::from_rotation_y(1.0));
         moving.set_light(&turned, None);
@@ -547,6 +555,24 @@ mod tests {
             // Three receivers across the smallest shadow.
             assert!(error < 0.015, "{interpolant}: {error}");
         }
+    }
+
+    #[test]
+    fn spheres_in_one_place_hide_what_one_hides() {
+        let frame = |overlap, count: usize| {
+            let mut renderer = renderer(Settings { receiver_scale: 1, indirect: None, overlap, ..Settings::default() });
+            let mut body = vec![SPHERES[0]; count];
+            share_overlap(&mut body);
+            renderer.render(&[], &body).unwrap();
+            renderer.radiance().to_vec()
+        };
+        let one = frame(Overlap::Shared, 1);
+        let differs = |other: Vec<[f32; 3]>| {
+            one.iter().flatten().zip(other.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        assert!(differs(frame(Overlap::Shared, 8)) < 1e-5);
+        assert!(differs(frame(Overlap::Multiplied, 8)) > 0.05);
+        assert_eq!(differs(frame(Overlap::Multiplied, 1)), 0.0);
     }
 
     #[test]

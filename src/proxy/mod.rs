@@ -12,7 +12,10 @@
 //! | [`shade()`] | visibility, reflected irradiance, light | [`Shading`]: hidden light and reflected irradiance |
 //! | [`upsample()`] | the shading of coarse receivers | radiance of every pixel of the display |
 //!
-//! [`Renderer`] runs them. What is stored is the light that proxies *hide*: without proxies a picture is that of the unshadowed
+//! What goes before a frame: [`share_overlap`] tells spheres how much of what they hide others of their body hide, too, and
+//! [`Probes`] tell bodies what the set that stands still hides from them.
+//!
+//! [`Renderer`] runs the stages. What is stored is the light that proxies *hide*: without proxies a picture is that of the unshadowed
 //! scene to the bit, and only pixels that some proxy reaches are touched. [`Truth`] judges the result.
 
 mod actor;
@@ -34,6 +37,8 @@ mod indirect;
 mod lanes;
 mod light;
 mod outside_volume;
+mod overlap;
+mod probes;
 mod receiver_setup;
 mod receivers;
 mod self_shadow;
@@ -47,6 +52,7 @@ mod splat_indirect;
 mod static_set;
 mod surface;
 mod tightness;
+mod tiles;
 mod truth;
 mod upsample;
 mod walker;
@@ -68,6 +74,8 @@ pub use indirect::{ExactOperator, IndirectOperator, IndirectTable, averaged_oper
 pub use lanes::{LANES, Lanes};
 pub use light::{DistantLight, ReflectedLight};
 pub use outside_volume::{enclosed_volume, outside_volume};
+pub use overlap::{Overlap, share_overlap};
+pub use probes::Probes;
 pub use receiver_setup::{Rectangle, Viewport, draw};
 pub use receivers::Receivers;
 pub use self_shadow::{ClippedCap, ClippedCapTable, SelfShadowing, clipped_cap};
@@ -75,12 +83,13 @@ pub use settings::Settings;
 pub use shade::{Interpolant, Shading, ShadingLight, shade};
 pub use sphere_proxy::{MAX_PROXIES, Proxy, check_proxies};
 pub use sphere_set::{Joint, MAX_SPHERES, Sphere, SphereSet};
-pub use splat::{SplatCounts, splat};
+pub use splat::splat;
 pub use splat_indirect::{INDIRECT_LEN, splat_indirect};
 pub use static_set::{baked_surface, static_surface};
 pub use surface::Surface;
 pub use tightness::Tightness;
-pub use truth::Truth;
+pub use tiles::SplatCounts;
+pub use truth::{StaticScene, Truth};
 pub use upsample::{Resampling, UpsampleCounts, Upsampling, gather, scatter, upsample};
 pub use walker::Posed;
 pub use zonal_log::{LogTable, log_visibility};

@@ -60,6 +60,47 @@ struct Projected {
     side: f32,
 }
 
+impl Projected {
+    /// The edges opposite to the corners: positive inside, whichever way round the triangle appears.
+    fn edges(&self) -> [Edge; 3] {
+        let [a, b, c] = self.corners;
+        let edges = if self.area > 0.0 { [(b, c), (c, a), (a, b)] } else { [(c, b), (a, c), (b, a)] };
+        edges.map(|(a, b)| Edge::new(a, b))
+    }
+
+    /// Twice the areas that the middle of pixel (x, y) has with each edge, if it lies inside.
+    fn covers(&self, edges: &[Edge; 3], x: usize, y: usize) -> Option<[f64; 3]> {
+        let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+        let areas = [edges[0].area(p), edges[1].area(p), edges[2].area(p)];
+        (0..3).all(|k| areas[k] > 0.0 || (areas[k] == 0.0 && edges[k].owns)).then_some(areas)
+    }
+
+    /// The share of every corner, times one over the depth.
+    fn shares(&self, areas: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| areas[k] * self.inverse_depth[k])
+    }
+
+    fn depth(&self, areas: [f64; 3]) -> f64 {
+        let [a, b, c] = self.shares(areas);
+        (areas[0] + areas[1] + areas[2]) / (a + b + c)
+    }
+
+    /// Weights of the triangle's own corners.
+    fn weights(&self, areas: [f64; 3]) -> [f32; 3] {
+        let shares = self.shares(areas);
+        let sum = shares[0] + shares[1] + shares[2];
+        let mut weights = [0.0; 3];
+        for (corner, share) in self.weights.iter().zip(shares) {
+            let share = (share / sum) as f32;
+            (0..3).for_each(|j| weights[j] += share * corner[j]);
+        }
+        weights
+    }
+}
+
+/// Where no part is nearest.
+const NOTHING_NEAR: u32 = u32::MAX;
+
 /// A rectangle of pixels.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rectangle {
@@ -97,7 +138,6 @@ pub fn draw(viewport: &Viewport, surface: &Surface, receivers: &mut Receivers) -
         .enumerate()
         .flat_map_iter(|(i, corners)| project(viewport, surface, &seen, near, i as u32, *corners, size))
         .collect();
-    let all = Rectangle { columns: 0..size[0], rows: 0..size[1] };
     let changed = projected.iter().fold(None, |sum: Option<Rectangle>, p| match sum {
         None => Some(Rectangle { columns: p.columns.clone(), rows: p.rows.clone() }),
         Some(r) => Some(Rectangle {
@@ -115,9 +155,22 @@ pub fn draw(viewport: &Viewport, surface: &Surface, receivers: &mut Receivers) -
         }
     }
     let fill = |band: usize, mut rows: Rows<'_>| {
-        let range = band * BAND..((band + 1) * BAND).min(all.rows.end);
+        if by_band[band].is_empty() {
+            return;
+        }
+        let first = band * BAND;
+        let range = changed.rows.start.max(first)..changed.rows.end.min(first + BAND);
+        let area = Rectangle { columns: changed.columns.clone(), rows: range };
+        // What is nearest, then what it looks like there: nothing is worked out that something else hides.
+        let mut nearest = vec![NOTHING_NEAR; area.columns.len() * area.rows.len()];
         for &i in &by_band[band] {
-            rows.fill(viewport, surface, &projected[i as usize], range.clone());
+            rows.cover(&projected[i as usize], i, first, &area, &mut nearest);
+        }
+        let pixels = area.rows.clone().flat_map(|y| area.columns.clone().map(move |x| (x, y)));
+        for ((x, y), &i) in pixels.zip(&nearest) {
+            if i != NOTHING_NEAR {
+                rows.resolve(viewport, surface, &projected[i as usize], first, x, y);
+            }
         }
     };
     let stride = receivers.stride();
@@ -256,64 +309,58 @@ impl<'a> Rows<'a> {
             .collect()
     }
 
-    /// Fills the pixels of a triangle that lie in these rows and are nearer than what is there.
-    fn fill(&mut self, viewport: &Viewport, surface: &Surface, part: &Projected, band: Range<usize>) {
-        let [a, b, c] = part.corners;
-        // Positive inside, whichever way round the triangle appears.
-        let turn = part.area.signum();
-        let edges = if turn > 0.0 { [(b, c), (c, a), (a, b)] } else { [(c, b), (a, c), (b, a)] };
-        let edges = edges.map(|(a, b)| Edge::new(a, b));
-        let corners = surface.triangles[part.triangle as usize].map(|v| v as usize);
-        let albedo = surface.albedo[part.triangle as usize];
-        let eye = viewport.camera.position();
-        for y in part.rows.start.max(band.start)..part.rows.end.min(band.end) {
+    /// Enters part number `i` in the pixels of `area` that it covers nearer than what is there; `first` is the first of these
+    /// rows.
+    fn cover(&mut self, part: &Projected, i: u32, first: usize, area: &Rectangle, nearest: &mut [u32]) {
+        let edges = part.edges();
+        for y in part.rows.start.max(area.rows.start)..part.rows.end.min(area.rows.end) {
             let mut entered = false;
             for x in part.columns.clone() {
-                let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let areas = [edges[0].area(p), edges[1].area(p), edges[2].area(p)];
-                if !(0..3).all(|k| areas[k] > 0.0 || (areas[k] == 0.0 && edges[k].owns)) {
+                let Some(areas) = part.covers(&edges, x, y) else {
                     // Rows of a triangle have no gaps.
                     if entered {
                         break;
                     }
                     continue;
-                }
+                };
                 entered = true;
-                let shares: [f64; 3] = std::array::from_fn(|k| areas[k] * part.inverse_depth[k]);
-                let sum = shares[0] + shares[1] + shares[2];
-                let depth = (areas[0] + areas[1] + areas[2]) / sum;
-                let i = (y - band.start) * self.stride + x;
-                if !(depth as f32 >= 0.0 && (depth as f32) < self.depth[i]) {
-                    continue;
-                }
-                self.depth[i] = depth as f32;
-                let mut weights = [0.0f32; 3];
-                for (corner, share) in part.weights.iter().zip(shares) {
-                    let share = (share / sum) as f32;
-                    (0..3).for_each(|j| weights[j] += share * corner[j]);
-                }
-                let normal: Vec3 = (0..3).map(|k| surface.normals[corners[k]] * weights[k]).sum();
-                let normal = normal.normalize_or(Vec3::Z) * part.side;
-                let position = (eye + depth * viewport.ray(x, y)).as_vec3();
-                for axis in 0..3 {
-                    self.position[axis][i] = position[axis];
-                    self.normal[axis][i] = normal[axis];
-                    self.albedo[axis][i] = albedo[axis];
-                }
-                if self.transfer.is_empty() {
-                    continue;
-                }
-                if surface.transfer_len == 0 {
-                    let mut cosine = [0.0; 36];
-                    super::shade::cosine_into(normal, &mut cosine[..self.transfer.len()]);
-                    self.transfer.iter_mut().zip(cosine).for_each(|(plane, x)| plane[i] = x);
-                    continue;
-                }
-                for (k, plane) in self.transfer.iter_mut().enumerate() {
-                    plane[i] =
-                        (0..3).map(|j| weights[j] * surface.transfer[corners[j] * surface.transfer_len + k]).sum();
+                let depth = part.depth(areas) as f32;
+                let stored = &mut self.depth[(y - first) * self.stride + x];
+                if depth >= 0.0 && depth < *stored {
+                    *stored = depth;
+                    nearest[(y - area.rows.start) * area.columns.len() + x - area.columns.start] = i;
                 }
             }
+        }
+    }
+
+    /// Works out what pixel (x, y) sees of the part that is nearest there.
+    fn resolve(&mut self, viewport: &Viewport, surface: &Surface, part: &Projected, first: usize, x: usize, y: usize) {
+        let Some(areas) = part.covers(&part.edges(), x, y) else { return };
+        let depth = part.depth(areas);
+        let i = (y - first) * self.stride + x;
+        let corners = surface.triangles[part.triangle as usize].map(|v| v as usize);
+        let albedo = surface.albedo[part.triangle as usize];
+        let weights = part.weights(areas);
+        let normal: Vec3 = (0..3).map(|k| surface.normals[corners[k]] * weights[k]).sum();
+        let normal = normal.normalize_or(Vec3::Z) * part.side;
+        let position = (viewport.camera.position() + depth * viewport.ray(x, y)).as_vec3();
+        for axis in 0..3 {
+            self.position[axis][i] = position[axis];
+            self.normal[axis][i] = normal[axis];
+            self.albedo[axis][i] = albedo[axis];
+        }
+        if self.transfer.is_empty() {
+            return;
+        }
+        if surface.transfer_len == 0 {
+            let mut cosine = [0.0; 36];
+            super::shade::cosine_into(normal, &mut cosine[..self.transfer.len()]);
+            self.transfer.iter_mut().zip(cosine).for_each(|(plane, x)| plane[i] = x);
+            return;
+        }
+        for (k, plane) in self.transfer.iter_mut().enumerate() {
+            plane[i] = (0..3).map(|j| weights[j] * surface.transfer[corners[j] * surface.transfer_len + k]).sum();
         }
     }
 }
@@ -392,7 +439,7 @@ mod tests {
             let mut positions = vec![centre];
             let sides = 40;
             positions.extend((0..sides).map(|k| {
-                // Multiples of 1/8 fall onto middles of pixels.
+                // On a coarse grid: some are equal, and the triangle between them empty.
                 let (s, c) = (std::f32::consts::TAU * k as f32 / sides as f32).sin_cos();
                 let scale = 1.0 / s.abs().max(c.abs());
                 Vec3::new((c * scale * 8.0).round() / 8.0, (s * scale * 8.0).round() / 8.0, 0.0)
@@ -414,6 +461,38 @@ mod tests {
                 }
             }
             assert!(drawn.iter().all(|count| *count == 1), "{drawn:?}");
+        }
+    }
+
+    #[test]
+    fn pixels_on_edges_belong_to_one_triangle() {
+        // Squares with corners in middles of pixels, each cut along one of its diagonals, seen from either side.
+        let mut covered = [[0u8; 13]; 13];
+        for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
+            let corner = |di: u32, dj: u32| DVec2::new(f64::from(4 * (i + di)) + 0.5, f64::from(4 * (j + dj)) + 0.5);
+            let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            let halves = if (i + j) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[b, a, d], [b, d, c]] };
+            for corners in halves {
+                let part = Projected {
+                    triangle: 0,
+                    corners,
+                    inverse_depth: [1.0; 3],
+                    weights: [[0.0; 3]; 3],
+                    area: (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]),
+                    columns: 0..13,
+                    rows: 0..13,
+                    side: 1.0,
+                };
+                for (y, row) in covered.iter_mut().enumerate() {
+                    for (x, count) in row.iter_mut().enumerate() {
+                        *count += u8::from(part.covers(&part.edges(), x, y).is_some());
+                    }
+                }
+            }
+        }
+        // Inside; along the border they may belong to what lies beyond.
+        for (x, y) in (1usize..12).flat_map(|x| (1usize..12).map(move |y| (x, y))) {
+            assert_eq!(covered[y][x], 1, "{x} {y}");
         }
     }
 

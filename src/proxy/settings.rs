@@ -1,5 +1,6 @@
 use super::exponential::Exponential;
 use super::indirect::IndirectOperator;
+use super::overlap::Overlap;
 use super::self_shadow::SelfShadowing;
 use super::shade::Interpolant;
 use super::upsample::Upsampling;
@@ -16,6 +17,8 @@ pub struct Settings {
     pub internal_order: Order,
     /// How the exponential is taken.
     pub exponential: Exponential,
+    /// Whether the logarithms of spheres that overlap in a body are shared out.
+    pub overlap: Overlap,
     /// The rule for spheres below a receiver's horizon.
     pub self_shadowing: SelfShadowing,
     /// Whether and how proxies reflect light.
@@ -38,6 +41,7 @@ impl Default for Settings {
             order,
             internal_order: order,
             exponential: Exponential::default(),
+            overlap: Overlap::default(),
             self_shadowing: SelfShadowing::default(),
             indirect: Some(IndirectOperator::default()),
             receiver_scale: 4,

@@ -2,15 +2,16 @@
 
 use std::f32::consts::PI;
 use std::fmt;
+use std::sync::LazyLock;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::exponential::ONE;
 use super::harmonic_buffer::HarmonicBuffer;
 use super::lanes::{LANES, Lanes, dispatch};
 use super::light::{DistantLight, cosine_harmonics};
-use super::{Receivers, basis};
+use super::{MAX_BANDS, Receivers, basis};
 use crate::sphere::{Order, clamped_cosine};
 
 /// What is kept of the shading at every receiver, to be interpolated between receivers.
@@ -161,9 +162,25 @@ pub(super) fn cosine_into(n: Vec3, out: &mut [f32]) {
         out.copy_from_slice(&cosine_harmonics(n)[..len]);
     } else {
         let order = Order::new(out.len().isqrt()).unwrap_or(Order::MAX);
-        let exact = clamped_cosine(order, n.as_dvec3().normalize_or(glam::DVec3::Z));
+        let exact = clamped_cosine(order, n.as_dvec3().normalize_or(DVec3::Z));
         out.iter_mut().zip(exact).for_each(|(out, x)| *out = x as f32);
     }
+}
+
+/// What the clamped cosine multiplies the harmonics of every band with.
+pub(super) static COSINE: LazyLock<[f32; MAX_BANDS]> = LazyLock::new(|| {
+    let zonal = clamped_cosine(Order::new(MAX_BANDS).expect("an order"), DVec3::Z);
+    std::array::from_fn(|l| ((4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt() * zonal[l * l + l]) as f32)
+});
+
+/// The clamped cosine about eight normals: `LEN` = `BANDS` squared coefficients.
+#[inline(always)]
+pub(super) fn cosine_lanes<const BANDS: usize, const LEN: usize>(normal: [Lanes; 3]) -> [Lanes; LEN] {
+    let mut y = basis::<BANDS, LEN>(normal);
+    for (l, factor) in COSINE.iter().enumerate().take(BANDS) {
+        y[l * l..(l + 1) * (l + 1)].iter_mut().for_each(|y| *y = *y * *factor);
+    }
+    y
 }
 
 /// Shades every receiver: hidden light from the visibility, and reflected light from the indirect pass, if there was one, with
@@ -305,4 +322,4 @@ pub(super) fn radiance([r, g, b]: [f32; 3], irradiance: [f32; 3]) -> [f32; 3] {
 }
 
 /// Bands up to which [`basis`] reaches are those of the longest transfer vector.
-const _: () = assert!(basis::MAX_BANDS * basis::MAX_BANDS == 36);
+const _: () = assert!(MAX_BANDS * MAX_BANDS == 36);

@@ -1,44 +1,13 @@
 //! The splat pass for shadows: log visibility accumulated at every receiver over the spheres in reach of it.
 
-use std::ops::{AddAssign, Range};
-
-use glam::Vec3;
-use rayon::prelude::*;
-
 use super::basis::basis;
 use super::coverage::Coverage;
 use super::harmonic_buffer::HarmonicBuffer;
-use super::lanes::{LANES, Lanes, dispatch};
-use super::self_shadow::{Seen, SelfShadowing, seen};
+use super::lanes::{LANES, Lanes};
+use super::self_shadow::{Seen, SelfShadowing};
+use super::tiles::{Group, Sight, Splat, SplatCounts, splat_tiles};
 use super::zonal_log::LogTable;
 use super::{Proxy, Receivers};
-
-/// Rows of a tile of receivers.
-pub(super) const TILE_ROWS: usize = 8;
-/// Groups of eight receivers in a row of a tile.
-const TILE_GROUPS: usize = 2;
-
-/// What a splat pass did and what it could leave out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SplatCounts {
-    /// Tiles of receivers.
-    pub tiles: u64,
-    /// Tiles that no proxy reaches, or that hold no receiver.
-    pub empty_tiles: u64,
-    /// Pairs of a proxy and a group of eight receivers for which harmonics were added.
-    pub pairs: u64,
-    /// Proxies that reach no tile.
-    pub out_of_reach: u64,
-}
-
-impl AddAssign for SplatCounts {
-    fn add_assign(&mut self, other: Self) {
-        self.tiles += other.tiles;
-        self.empty_tiles += other.empty_tiles;
-        self.pairs += other.pairs;
-        self.out_of_reach += other.out_of_reach;
-    }
-}
 
 /// Accumulates log visibility: `out` holds, for every receiver, the sum over the proxies within [`Coverage::reach`] of their
 /// table row turned into their direction, faded at the end of the reach.
@@ -53,184 +22,53 @@ pub fn splat(
     coverage: Coverage,
     out: &mut HarmonicBuffer,
 ) -> SplatCounts {
-    let band = match table.order().bands() {
-        1 => splat_band::<1, 1>,
-        2 => splat_band::<2, 4>,
-        3 => splat_band::<3, 9>,
-        4 => splat_band::<4, 16>,
-        5 => splat_band::<5, 25>,
-        _ => splat_band::<6, 36>,
-    };
     assert_eq!(out.len(), table.order().len());
-    by_bands(receivers, proxies, out, |rows, out, reached| {
-        band(receivers, proxies, table, rule, coverage, rows, out, reached)
-    })
-}
-
-/// Runs a pass band by band: rows of tiles side by side, each with its part of `out`.
-pub(super) fn by_bands(
-    receivers: &Receivers,
-    proxies: &[Proxy],
-    out: &mut HarmonicBuffer,
-    band: impl Fn(Range<usize>, &mut [Lanes], &mut [bool]) -> SplatCounts + Sync,
-) -> SplatCounts {
-    let row = receivers.groups() * out.len();
-    assert_eq!(out.groups_mut().len(), row * receivers.height());
-    if row == 0 {
-        return SplatCounts::default();
+    let sight = Sight { receivers, proxies, rule, coverage };
+    match table.order().bands() {
+        1 => splat_tiles(&LogSplat::<1, 1>(table), sight, out),
+        2 => splat_tiles(&LogSplat::<2, 4>(table), sight, out),
+        3 => splat_tiles(&LogSplat::<3, 9>(table), sight, out),
+        4 => splat_tiles(&LogSplat::<4, 16>(table), sight, out),
+        5 => splat_tiles(&LogSplat::<5, 25>(table), sight, out),
+        _ => splat_tiles(&LogSplat::<6, 36>(table), sight, out),
     }
-    let bands = out.groups_mut().par_chunks_mut(row * TILE_ROWS).enumerate().map(|(i, out)| {
-        let rows = i * TILE_ROWS..(i * TILE_ROWS + TILE_ROWS).min(receivers.height());
-        let mut reached = vec![false; proxies.len()];
-        out.fill(Lanes::ZERO);
-        (band(rows, out, &mut reached), reached)
-    });
-    let bands: Vec<_> = bands.collect();
-    let mut total = SplatCounts::default();
-    let mut reached = vec![false; proxies.len()];
-    for (counts, band) in bands {
-        total += counts;
-        reached.iter_mut().zip(band).for_each(|(all, one)| *all |= one);
-    }
-    total.out_of_reach = reached.iter().filter(|reached| !**reached).count() as u64;
-    total
 }
 
-/// The tiles of a band that hold receivers within reach of proxies.
-#[derive(Default)]
-pub(super) struct Tiles {
-    pub(super) counts: SplatCounts,
-    /// Groups (columns) of every tile, and where the proxies that reach it stand in `lists`.
-    pub(super) tiles: Vec<(Range<usize>, Range<usize>)>,
-    pub(super) lists: Vec<u32>,
-}
+/// `LEN` = `BANDS` squared coefficients.
+struct LogSplat<'a, const BANDS: usize, const LEN: usize>(&'a LogTable);
 
-/// Finds the tiles of a band of `rows`.
-pub(super) fn tiles(
-    receivers: &Receivers,
-    proxies: &[Proxy],
-    coverage: Coverage,
-    rows: Range<usize>,
-    reached: &mut [bool],
-) -> Tiles {
-    let mut found = Tiles::default();
-    for first in (0..receivers.groups()).step_by(TILE_GROUPS) {
-        let groups = first..(first + TILE_GROUPS).min(receivers.groups());
-        found.counts.tiles += 1;
-        let start = found.lists.len();
-        if let Some((centre, radius)) = bounds(receivers, rows.clone(), groups.clone()) {
-            for (i, proxy) in (0u32..).zip(proxies) {
-                let reach = coverage.reach(proxy.radius) + radius;
-                if proxy.center.distance_squared(centre) < reach * reach {
-                    found.lists.push(i);
-                    reached[i as usize] = true;
-                }
-            }
-        }
-        if found.lists.len() == start {
-            found.counts.empty_tiles += 1;
-        } else {
-            found.tiles.push((groups, start..found.lists.len()));
-        }
-    }
-    found
-}
+impl<const BANDS: usize, const LEN: usize> Splat for LogSplat<'_, BANDS, LEN> {
+    type Sum = [Lanes; LEN];
 
-/// A ball around the receivers of a tile, if it has any.
-fn bounds(receivers: &Receivers, rows: Range<usize>, groups: Range<usize>) -> Option<(Vec3, f32)> {
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for y in rows {
-        for i in receivers.index(groups.start * LANES, y)..receivers.index(groups.end * LANES, y) {
-            if receivers.is_seen(i) {
-                let p = receivers.point(i);
-                (low, high) = (low.min(p), high.max(p));
-            }
-        }
-    }
-    (low.x <= high.x).then(|| (0.5 * (low + high), 0.5 * low.distance(high)))
-}
-
-/// A group of eight receivers.
-pub(super) struct Group {
-    pub(super) position: [Lanes; 3],
-    pub(super) normal: [Lanes; 3],
-}
-
-impl Group {
     #[inline(always)]
-    pub(super) fn load(receivers: &Receivers, first: usize) -> Self {
-        let [px, py, pz] = &receivers.position;
-        let [nx, ny, nz] = &receivers.normal;
-        Self {
-            position: [Lanes::load(px, first), Lanes::load(py, first), Lanes::load(pz, first)],
-            normal: [Lanes::load(nx, first), Lanes::load(ny, first), Lanes::load(nz, first)],
-        }
+    fn start(&self) -> [Lanes; LEN] {
+        [Lanes::ZERO; LEN]
     }
 
-    /// How the group sees a proxy: none if it is out of every receiver's reach, or of no weight.
     #[inline(always)]
-    pub(super) fn see(&self, proxy: &Proxy, rule: SelfShadowing, coverage: Coverage) -> Option<Seen> {
-        let [x, y, z] = self.position;
-        let Vec3 { x: cx, y: cy, z: cz } = proxy.center;
-        let offset = [Lanes::splat(cx) - x, Lanes::splat(cy) - y, Lanes::splat(cz) - z];
-        let squared = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
-        let reach = coverage.reach(proxy.radius);
-        if !squared.any_below(Lanes::splat(reach * reach)) {
-            return None;
+    fn add(&self, sum: &mut [Lanes; LEN], _: &Group, proxy: &Proxy, seen: &Seen) {
+        let mut bands = [Lanes::ZERO; BANDS];
+        for lane in 0..LANES {
+            let row = self.0.row(seen.u.0[lane]);
+            bands.iter_mut().zip(row).for_each(|(band, value)| band.0[lane] = value);
         }
-        let distance = squared.sqrt();
-        let inverse = Lanes::splat(1.0) / distance.max(Lanes::splat(f32::MIN_POSITIVE));
-        let mut seen = seen(rule, offset, distance, inverse, proxy.radius, self.normal);
-        seen.weight = seen.weight * coverage.fade((inverse * proxy.radius).min(Lanes::splat(1.0)));
-        Lanes::ZERO.any_below(seen.weight).then_some(seen)
+        let y: [Lanes; LEN] = basis::<BANDS, LEN>(seen.axis);
+        let weight = seen.weight * proxy.share;
+        for (l, band) in bands.iter().enumerate() {
+            let band = *band * weight;
+            (l * l..(l + 1) * (l + 1)).for_each(|k| sum[k] += y[k] * band);
+        }
     }
-}
 
-dispatch! {
-    /// One row of tiles.
-    splat_band [BANDS, LEN] (
-        receivers: &Receivers,
-        proxies: &[Proxy],
-        table: &LogTable,
-        rule: SelfShadowing,
-        coverage: Coverage,
-        rows: Range<usize>,
-        out: &mut [Lanes],
-        reached: &mut [bool],
-    ) -> SplatCounts {
-        let Tiles { mut counts, tiles, lists } = tiles(receivers, proxies, coverage, rows.clone(), reached);
-        for (groups, list) in tiles {
-            let list = &lists[list];
-            for y in rows.clone() {
-                for column in groups.clone() {
-                    let group = Group::load(receivers, receivers.index(column * LANES, y));
-                    let mut sum = [Lanes::ZERO; LEN];
-                    for &i in list {
-                        let Some(seen) = group.see(&proxies[i as usize], rule, coverage) else { continue };
-                        counts.pairs += 1;
-                        let mut bands = [Lanes::ZERO; BANDS];
-                        for lane in 0..LANES {
-                            let row = table.row(seen.u.0[lane]);
-                            bands.iter_mut().zip(row).for_each(|(band, value)| band.0[lane] = value);
-                        }
-                        let y: [Lanes; LEN] = basis::<BANDS, LEN>(seen.axis);
-                        for (l, band) in bands.iter().enumerate() {
-                            let band = *band * seen.weight;
-                            (l * l..(l + 1) * (l + 1)).for_each(|k| sum[k] += y[k] * band);
-                        }
-                    }
-                    let place = ((y - rows.start) * receivers.groups() + column) * LEN;
-                    out[place..place + LEN].copy_from_slice(&sum);
-                }
-            }
-        }
-        counts
+    #[inline(always)]
+    fn finish(&self, sum: &[Lanes; LEN], out: &mut [Lanes]) {
+        out.copy_from_slice(sum);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
+    use glam::{DVec3, Vec3};
 
     use super::super::zonal_log::Logarithm;
     use super::*;
@@ -257,18 +95,28 @@ mod tests {
         receivers
     }
 
+    /// How far the table's interpolation may be off, for spheres of sines below 1/2: see its own test.
+    fn interpolation(order: Order, log: f64) -> f64 {
+        2e-4 * log.abs() + 0.25 * std::f64::consts::PI * order.len() as f64 / (LogTable::INTERVALS as f64).powi(2)
+    }
+
     #[test]
     fn equals_the_sum_over_all_spheres() {
         let mut random = Random::new(4);
         let receivers = receivers(&mut random, 21, 19);
         let proxies: Vec<Proxy> = (0..12)
-            .map(|body| {
+            .map(|_| {
                 let center = Vec3::new(
                     random.between(0.0, 6.0) as f32,
                     random.between(1.0, 2.0) as f32,
                     random.between(0.0, 6.0) as f32,
                 );
-                Proxy { center, radius: random.between(0.1, 0.45) as f32, albedo: Vec3::ZERO, body }
+                Proxy {
+                    center,
+                    radius: random.between(0.1, 0.45) as f32,
+                    albedo: Vec3::ZERO,
+                    share: random.between(0.3, 1.0) as f32,
+                }
             })
             .collect();
         let coverage = Coverage { expansion: 12.0 };
@@ -281,7 +129,7 @@ mod tests {
             for y in 0..receivers.height() {
                 for x in (0..receivers.width()).step_by(5) {
                     let i = receivers.index(x, y);
-                    let mut expected = vec![0.0; order.len()];
+                    let (mut expected, mut allowed) = (vec![0.0; order.len()], vec![1e-5; order.len()]);
                     for proxy in proxies.iter().filter(|_| receivers.is_seen(i)) {
                         let offset: DVec3 = (proxy.center - receivers.point(i)).as_dvec3();
                         let alpha = f64::from(proxy.radius) / offset.length();
@@ -289,11 +137,14 @@ mod tests {
                         let fade = t * t * (3.0 - 2.0 * t);
                         let zonal = logarithm.of_cap((1.0 - alpha * alpha).sqrt());
                         let log = rotate_zonal(order, offset.normalize(), &zonal);
-                        expected.iter_mut().zip(log).for_each(|(sum, log)| *sum += fade * log);
+                        for (k, log) in log.into_iter().enumerate() {
+                            expected[k] += fade * f64::from(proxy.share) * log;
+                            allowed[k] += interpolation(order, log);
+                        }
                     }
-                    // The interpolation errors of some spheres, each below 1e-3: see the table's own test.
                     for (k, (found, expected)) in out.vector(i).iter().zip(expected).enumerate() {
-                        assert!((f64::from(*found) - expected).abs() < 5e-3, "order {bands}, {k}: {found} {expected}");
+                        let error = (f64::from(*found) - expected).abs();
+                        assert!(error < allowed[k], "order {bands}, {k}: {found} {expected} +- {}", allowed[k]);
                     }
                 }
             }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{DistantLight, Proxy, Receivers, Surface};
 use crate::bake::{Control, Method, Request, integrate};
 use crate::reference::{RayScene, Sobol};
-use crate::scene::{Geometry, GeometryBuilder, Material, Mesh};
+use crate::scene::{FaceTree, Geometry, GeometryBuilder, Material, Mesh};
 use crate::sphere::{Order, evaluate};
 use crate::{Error, Result};
 
@@ -23,19 +23,35 @@ pub struct Truth {
     /// For every place of the receivers' planes: integral of (1 - V) max(0, n.w) y over what the static scene leaves open, in six
     /// bands; none where nothing is seen.
     hidden: Vec<Option<[f32; LEN]>>,
+    /// Likewise integral of V max(0, n.w) y with the visibility V of the static scene alone; empty for spheres.
+    open: Vec<Option<[f32; LEN]>>,
     /// Irradiance that spheres reflect, in the light they were given; empty for surfaces.
     reflected: Vec<[f32; 3]>,
+}
+
+/// A scene that stands still, ready for rays from points on it.
+pub struct StaticScene {
+    rays: RayScene,
+    tree: FaceTree,
+}
+
+impl StaticScene {
+    /// Of a scene's geometry.
+    pub fn new(geometry: &Geometry) -> Self {
+        let tree = FaceTree::new(geometry.positions.clone(), geometry.triangles.clone());
+        Self { rays: RayScene::new(geometry), tree }
+    }
 }
 
 impl Truth {
     /// By quasi-Monte Carlo over the spheres themselves: analytic intersections, `samples` directions per receiver distributed as
     /// the cosine. Spheres reflect `light` unshadowed, as the renderer's do, but the nearest one hides those behind. With
-    /// `rays` directions that the static scene blocks do not count.
+    /// a static scene, directions that it blocks do not count.
     pub fn of_spheres(
         receivers: &Receivers,
         proxies: &[Proxy],
         light: &DistantLight,
-        rays: Option<&RayScene>,
+        static_scene: Option<&StaticScene>,
         samples: u32,
         control: &dyn Control,
     ) -> Result<Self> {
@@ -53,6 +69,11 @@ impl Truth {
             if seen.list.is_empty() {
                 return (Some([0.0; LEN]), irradiance);
             }
+            let own = static_scene.map(|scene| around(&scene.tree, p, n, f64::from(receivers.depth[index])));
+            let blocked = |w: DVec3| match (static_scene, &own) {
+                (Some(scene), Some(own)) => scene.rays.occluded(p, w, own),
+                _ => false,
+            };
             let (tangent, bitangent) = n.any_orthonormal_pair();
             let sobol = Sobol::new(index as u32);
             let mut y = [0.0; LEN];
@@ -63,7 +84,7 @@ impl Truth {
                 let r = (1.0 - u).sqrt();
                 let w = r * cos * tangent + r * sin * bitangent + u.sqrt() * n;
                 let Some(hit) = seen.nearest(w.as_vec3()) else { continue };
-                if rays.is_some_and(|rays| rays.occluded(p + 1e-6 * n, w, &[])) {
+                if blocked(w) {
                     continue;
                 }
                 evaluate(order(), w, &mut y);
@@ -78,7 +99,7 @@ impl Truth {
             (Some(hidden.map(|x| x as f32)), irradiance)
         };
         let (hidden, reflected) = (0..receivers.depth.len()).into_par_iter().map(judge).unzip();
-        if control.cancelled() { Err(Error::Interrupted) } else { Ok(Self { hidden, reflected }) }
+        if control.cancelled() { Err(Error::Interrupted) } else { Ok(Self { hidden, open: Vec::new(), reflected }) }
     }
 
     /// By the integrator over the bodies' own triangles, `method`; behind or before the static `set`, if it is given.
@@ -98,7 +119,8 @@ impl Truth {
             None => vec![],
         };
         let places: Vec<usize> = (0..receivers.depth.len()).filter(|&i| receivers.is_seen(i)).collect();
-        let mut hidden = vec![None; receivers.depth.len()];
+        let mut hidden: Vec<Option<[f32; LEN]>> = vec![None; receivers.depth.len()];
+        let mut all_open = hidden.clone();
         let mut cosine = vec![0.0; LEN];
         for (row, &place) in places.iter().enumerate() {
             let with = &with[row * LEN..][..LEN];
@@ -112,13 +134,14 @@ impl Truth {
                 }
             };
             hidden[place] = Some(std::array::from_fn(|k| (PI * (open[k] - with[k])) as f32));
+            all_open[place] = Some(std::array::from_fn(|k| (PI * open[k]) as f32));
         }
-        Ok(Self { hidden, reflected: Vec::new() })
+        Ok(Self { hidden, open: all_open, reflected: Vec::new() })
     }
 
     /// Transfer vectors of the receivers that see something, one after the other.
     fn transfer(receivers: &Receivers, geometry: &Geometry, method: Method, control: &dyn Control) -> Result<Vec<f64>> {
-        let tree = crate::scene::FaceTree::new(geometry.positions.clone(), geometry.triangles.clone());
+        let tree = FaceTree::new(geometry.positions.clone(), geometry.triangles.clone());
         let seen: Vec<usize> = (0..receivers.depth.len()).filter(|&i| receivers.is_seen(i)).collect();
         let points: Vec<_> = seen
             .par_iter()
@@ -138,15 +161,24 @@ impl Truth {
 
     /// Hidden irradiance at a place in `light`, per colour; none where nothing is seen.
     pub fn hidden(&self, place: usize, light: &DistantLight) -> Option<[f64; 3]> {
-        let hidden = self.hidden[place]?;
-        let sum = |colour: &Vec<f64>| colour.iter().zip(hidden).map(|(l, h)| l * f64::from(h)).sum();
-        Some(light.coefficients().each_ref().map(sum))
+        self.hidden[place].map(|hidden| lit(&hidden, light))
+    }
+
+    /// Irradiance at a place in `light` that the static scene leaves, without bodies; none for spheres and where nothing is seen.
+    pub fn open(&self, place: usize, light: &DistantLight) -> Option<[f64; 3]> {
+        self.open.get(place)?.map(|open| lit(&open, light))
     }
 
     /// Irradiance that the spheres reflect to a place.
     pub fn reflected(&self, place: usize) -> Option<[f64; 3]> {
         self.reflected.get(place).map(|colour| colour.map(f64::from))
     }
+}
+
+/// Irradiance of a receiver with a transfer vector.
+fn lit(transfer: &[f32; LEN], light: &DistantLight) -> [f64; 3] {
+    let sum = |colour: &Vec<f64>| colour.iter().zip(transfer).map(|(l, t)| l * f64::from(*t)).sum();
+    light.coefficients().each_ref().map(sum)
 }
 
 fn order() -> Order {
@@ -166,7 +198,7 @@ fn geometry(bodies: &[Surface], set: Option<&Geometry>) -> Result<Geometry> {
 }
 
 /// The faces on which a receiver in single precision lies: those that pass within the rounding of its coordinates.
-fn around(tree: &crate::scene::FaceTree, p: DVec3, n: DVec3, depth: f64) -> Vec<u32> {
+fn around(tree: &FaceTree, p: DVec3, n: DVec3, depth: f64) -> Vec<u32> {
     let mut faces = Vec::new();
     let near = 4.0 * f64::from(f32::EPSILON) * (p.abs().max_element() + depth);
     // Any face through the receiver is met by one of both rays along its normal from just beside it.
@@ -254,7 +286,7 @@ mod tests {
     #[test]
     fn spheres_and_their_surfaces_hide_their_form_factor() {
         let (center, radius) = (Vec3::new(0.3, 0.8, -0.2), 0.9);
-        let proxies = [Proxy { center, radius, albedo: Vec3::new(1.0, 0.5, 0.0), body: 0 }];
+        let proxies = [Proxy { center, radius, albedo: Vec3::new(1.0, 0.5, 0.0), share: 1.0 }];
         let receivers = receivers();
         let spheres = Truth::of_spheres(&receivers, &proxies, &even(), None, 4096, &()).unwrap();
         let mut mesh = Icosphere { radius: radius.into(), subdivisions: 5 }.mesh().unwrap();

@@ -1,13 +1,15 @@
 //! Upsampling: from the shading of the coarse receivers to the pixels of the display (Sloan et al. 2007, section 4.2).
 
+use std::f32::consts::FRAC_1_PI;
 use std::fmt;
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Range};
 
 use rayon::prelude::*;
 
 use super::Receivers;
-use super::lanes::{LANES, dispatch};
-use super::shade::{Shading, radiance, transfer_vector};
+use super::lanes::{LANES, Lanes, dispatch};
+use super::shade::{Shading, cosine_lanes, radiance, transfer_vector};
+use super::tiles::{Group, TILE_GROUPS};
 
 /// How pixels take from the four receivers around them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, clap::ValueEnum)]
@@ -80,21 +82,26 @@ pub fn upsample(
     if width == 0 {
         return UpsampleCounts::default();
     }
-    /// Rows that one task handles.
-    const ROWS: usize = 8;
-    let rows = match shading.len() {
-        2 => upsample_rows::<2>,
-        5 => upsample_rows::<5>,
-        10 => upsample_rows::<10>,
-        17 => upsample_rows::<17>,
-        26 => upsample_rows::<26>,
-        _ => upsample_rows::<37>,
+    let rows = match (shading.len(), resampling.scale) {
+        (2, 1) => add_rows::<2>,
+        (5, 1) => add_rows::<5>,
+        (10, 1) => add_rows::<10>,
+        (17, 1) => add_rows::<17>,
+        (26, 1) => add_rows::<26>,
+        (_, 1) => add_rows::<37>,
+        (2, _) => upsample_rows::<1, 1>,
+        (5, _) => upsample_rows::<2, 4>,
+        (10, _) => upsample_rows::<3, 9>,
+        (17, _) => upsample_rows::<4, 16>,
+        (26, _) => upsample_rows::<5, 25>,
+        (_, _) => upsample_rows::<6, 36>,
     };
+    let runs = runs(fine, coarse, resampling.scale);
     let chunks = out.par_chunks_mut(ROWS * width).zip(base.par_chunks(ROWS * width)).enumerate();
     let counts: Vec<UpsampleCounts> = chunks
         .map(|(i, (out, base))| {
             out.copy_from_slice(base);
-            rows(coarse, shading, fine, resampling, upsampling, i * ROWS, out)
+            rows(coarse, shading, fine, resampling, upsampling, &runs, i * ROWS, out)
         })
         .collect();
     let mut total = UpsampleCounts::default();
@@ -102,76 +109,240 @@ pub fn upsample(
     total
 }
 
+/// Rows of pixels that one task handles.
+const ROWS: usize = 8;
+/// Pixels of a row handled together: as many as share their four receivers, at most.
+const ACROSS: usize = 4;
+/// Rows handled together.
+const DOWN: usize = LANES / ACROSS;
+
 /// The receivers on both sides of a pixel along one axis, and the weight of the second.
-fn neighbours(pixel: usize, scale: usize, count: usize) -> (usize, usize, f32) {
+fn neighbours(pixel: usize, scale: usize, count: usize) -> ([usize; 2], f32) {
     let place = (pixel as f32 + 0.5) / scale as f32 - 0.5;
     let low = place.floor();
-    let first = (low.max(0.0) as usize).min(count - 1);
-    let second = ((low + 1.0).max(0.0) as usize).min(count - 1);
-    (first, second, place - low)
+    let clamped = |at: f32| (at.max(0.0) as usize).min(count - 1);
+    ([clamped(low), clamped(low + 1.0)], place - low)
+}
+
+/// Neighbours in a row that take from the same two columns of receivers.
+struct Run {
+    /// The first of the [`ACROSS`] pixels that are loaded.
+    first: usize,
+    /// Which of these belong to the run.
+    live: Range<usize>,
+    /// Columns of receivers.
+    columns: [usize; 2],
+    /// Weight of the second column, pixel by pixel.
+    weights: [f32; ACROSS],
+}
+
+/// The runs of a row.
+fn runs(fine: &Receivers, coarse: &Receivers, scale: usize) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for x in 0..fine.width() {
+        let (columns, weight) = neighbours(x, scale, coarse.width());
+        match runs.last_mut().filter(|run| run.columns == columns && run.live.len() < ACROSS) {
+            Some(run) => run.live.end += 1,
+            None => {
+                // Nothing is loaded from behind the row.
+                let first = x.min(fine.stride() - ACROSS);
+                runs.push(Run { first, live: x - first..x - first + 1, columns, weights: [0.0; ACROSS] });
+            }
+        }
+        if let Some(run) = runs.last_mut() {
+            run.weights[x - run.first] = weight;
+        }
+    }
+    runs
 }
 
 dispatch! {
-    /// Some rows from `first` on, already filled with the radiance without proxies.
-    upsample_rows [LEN] (
+    /// Some rows from `first` on, already filled with the radiance without proxies, where every pixel is its own receiver.
+    add_rows [LEN] (
+        _coarse: &Receivers,
+        shading: &Shading,
+        fine: &Receivers,
+        _resampling: Resampling,
+        _upsampling: Upsampling,
+        _runs: &[Run],
+        first: usize,
+        out: &mut [[f32; 3]],
+    ) -> UpsampleCounts {
+        let mut counts = UpsampleCounts::default();
+        for (row, out) in out.chunks_exact_mut(fine.width()).enumerate() {
+            for (x, out) in out.iter_mut().enumerate() {
+                let pixel = fine.index(x, first + row);
+                if shading.touched[pixel] && fine.is_seen(pixel) {
+                    counts.changed += 1;
+                    add::<LEN>(fine, pixel, shading.rows(pixel).try_into().expect("rows are of one length"), out);
+                }
+            }
+        }
+        counts
+    }
+}
+
+dispatch! {
+    /// Some rows from `first` on, already filled with the radiance without proxies. Rows hold `LEN` = `BANDS` squared numbers
+    /// of hidden light, 1 where they are shades.
+    ///
+    /// Eight pixels at a time that take from the same four receivers: the transfer vectors of all meet one receiver's rows after
+    /// the other, and only colours are weighted.
+    upsample_rows [BANDS, LEN] (
         coarse: &Receivers,
         shading: &Shading,
         fine: &Receivers,
         resampling: Resampling,
         upsampling: Upsampling,
+        runs: &[Run],
         first: usize,
         out: &mut [[f32; 3]],
     ) -> UpsampleCounts {
         let scale = resampling.scale;
+        let width = fine.width();
+        let compare = upsampling == Upsampling::Bilateral;
+        let least = Lanes::splat(if compare { LEAST_WEIGHT } else { f32::MIN_POSITIVE });
         let mut counts = UpsampleCounts::default();
-        let columns: Vec<_> = (0..fine.width()).map(|x| neighbours(x, scale, coarse.width())).collect();
-        for (row, out) in out.chunks_exact_mut(fine.width()).enumerate() {
-            let y = first + row;
-            let (y0, y1, ty) = neighbours(y, scale, coarse.height());
-            for ((x, out), &(x0, x1, tx)) in out.iter_mut().enumerate().zip(&columns) {
-                let [above, below] = [y0 * coarse.stride(), y1 * coarse.stride()];
-                let samples = [above + x0, above + x1, below + x0, below + x1];
+        let end = first + out.len() / width;
+        let mut y = first;
+        while y < end {
+            let (lines, below) = neighbours(y, scale, coarse.height());
+            let (next, below_next) = neighbours(y + 1, scale, coarse.height());
+            let rows = if y + 1 < end && next == lines { DOWN } else { 1 };
+            let at = |lane: usize| if lane < ACROSS { below } else { below_next };
+            let [above, under] = lines.map(|line| line * coarse.stride());
+            let down = Lanes::each(at);
+            for run in runs {
+                let [left, right] = run.columns;
+                let samples = [above + left, above + right, under + left, under + right];
                 let touched = &shading.touched;
                 if !(touched[samples[0]] | touched[samples[1]] | touched[samples[2]] | touched[samples[3]]) {
                     continue;
                 }
-                let pixel = fine.index(x, y);
-                if !fine.is_seen(pixel) {
+                let place = [fine.index(run.first, y), fine.index(run.first, y + rows - 1)];
+                let depth = pixels(&fine.depth, place);
+                let mut live = [false; LANES];
+                for (lane, live) in live.iter_mut().enumerate() {
+                    *live = lane / ACROSS < rows && run.live.contains(&(lane % ACROSS)) && depth.0[lane] < Receivers::NOTHING;
+                }
+                if live == [false; LANES] {
                     continue;
                 }
-                let mut weights = [(1.0 - tx) * (1.0 - ty), tx * (1.0 - ty), (1.0 - tx) * ty, tx * ty];
-                if scale > 1 {
-                    let compare = upsampling == Upsampling::Bilateral;
-                    let agreement = agreement(coarse, samples, fine, pixel, resampling, compare);
-                    for (weight, agreement) in weights.iter_mut().zip(agreement) {
-                        *weight *= agreement;
-                    }
+                let point = Group {
+                    position: each_axis(&fine.position, place),
+                    normal: each_axis(&fine.normal, place),
+                };
+                let across = Lanes::each(|lane| run.weights[lane % ACROSS]);
+                let one = Lanes::splat(1.0);
+                let mut weights =
+                    [(one - across) * (one - down), across * (one - down), (one - across) * down, across * down];
+                // Where nothing is seen any finite depth will do.
+                let footprint = depth.min(Lanes::splat(f32::MAX)) * (resampling.pixel * scale as f32);
+                for (weight, sample) in weights.iter_mut().zip(samples) {
+                    *weight = *weight * agreement(coarse, sample, &point, footprint, compare);
                 }
                 let sum = weights[0] + weights[1] + weights[2] + weights[3];
-                let least = if upsampling == Upsampling::Bilateral { LEAST_WEIGHT } else { f32::MIN_POSITIVE };
-                if sum < least {
-                    counts.unmatched.push(pixel as u32);
-                    continue;
+                for lane in 0..LANES {
+                    if live[lane] && sum.0[lane] < least.0[lane] {
+                        live[lane] = false;
+                        counts.unmatched.push((place[lane / ACROSS] + lane % ACROSS) as u32);
+                    }
                 }
-                counts.changed += 1;
-                let inverse = 1.0 / sum;
-                let mut rows = [[0.0f32; 4]; LEN];
+                let inverse = one / sum.max(least);
+                let transfer = transfers::<BANDS, LEN>(fine, place, point.normal);
+                let mut change = [Lanes::ZERO; 3];
                 for (weight, sample) in weights.iter().zip(samples) {
-                    let weight = weight * inverse;
-                    // Of weight zero are the second neighbours where there is no upsampling, and receivers of nothing.
-                    if weight == 0.0 {
+                    // Receivers of nothing have no weight.
+                    if *weight == Lanes::ZERO {
                         continue;
                     }
-                    let values: &[[f32; 4]; LEN] = shading.rows(sample).try_into().expect("rows are of one length");
-                    for (sum, value) in rows.as_flattened_mut().iter_mut().zip(values.as_flattened()) {
-                        *sum += weight * value;
+                    let weight = *weight * inverse;
+                    let (hidden, added) = shading.rows(sample).split_at(LEN);
+                    for (colour, change) in change.iter_mut().enumerate() {
+                        let mut irradiance = Lanes::splat(added[0][colour]);
+                        for (transfer, hidden) in transfer.iter().zip(hidden) {
+                            irradiance = irradiance - *transfer * hidden[colour];
+                        }
+                        *change += weight * irradiance;
                     }
                 }
-                add(fine, pixel, &rows, out);
+                let albedo = each_axis(&fine.albedo, place);
+                for colour in 0..3 {
+                    change[colour] = change[colour] * albedo[colour] * FRAC_1_PI;
+                }
+                for lane in 0..LANES {
+                    if live[lane] {
+                        counts.changed += 1;
+                        let out = &mut out[(y - first + lane / ACROSS) * width + run.first + lane % ACROSS];
+                        for colour in 0..3 {
+                            // The exponential overshoots, and so may the hidden light: no surface is darker than black.
+                            out[colour] = (out[colour] + change[colour].0[lane]).max(0.0);
+                        }
+                    }
+                }
             }
+            y += rows;
         }
         counts
     }
+}
+
+/// Eight pixels of a plane: four from each of two places on.
+#[inline(always)]
+fn pixels(plane: &[f32], [upper, lower]: [usize; 2]) -> Lanes {
+    let mut lanes = Lanes::ZERO;
+    lanes.0[..ACROSS].copy_from_slice(&plane[upper..upper + ACROSS]);
+    lanes.0[ACROSS..].copy_from_slice(&plane[lower..lower + ACROSS]);
+    lanes
+}
+
+#[inline(always)]
+fn each_axis([x, y, z]: &[Vec<f32>; 3], place: [usize; 2]) -> [Lanes; 3] {
+    [pixels(x, place), pixels(y, place), pixels(z, place)]
+}
+
+/// What eight pixels' hidden light is multiplied by: their transfer vectors, or 1 where only shades are kept.
+#[inline(always)]
+fn transfers<const BANDS: usize, const LEN: usize>(
+    fine: &Receivers,
+    place: [usize; 2],
+    normal: [Lanes; 3],
+) -> [Lanes; LEN] {
+    if LEN == 1 {
+        return [Lanes::splat(1.0); LEN];
+    }
+    if fine.transfer.is_empty() {
+        return cosine_lanes::<BANDS, LEN>(normal);
+    }
+    let mut transfer = [Lanes::ZERO; LEN];
+    for (transfer, plane) in transfer.iter_mut().zip(&fine.transfer) {
+        *transfer = pixels(plane, place);
+    }
+    transfer
+}
+
+/// w^N w^z of equation 11 for eight pixels and one receiver: 0 if that sees nothing.
+#[inline(always)]
+fn agreement(coarse: &Receivers, sample: usize, pixels: &Group, footprint: Lanes, compare: bool) -> Lanes {
+    if !coarse.is_seen(sample) {
+        return Lanes::ZERO;
+    }
+    if !compare {
+        return Lanes::splat(1.0);
+    }
+    let Group { position: p, normal: n } = pixels;
+    let (mut cosine, mut distance) = (Lanes::ZERO, Lanes::ZERO);
+    for axis in 0..3 {
+        cosine += n[axis] * coarse.normal[axis][sample];
+        distance += n[axis] * (Lanes::splat(coarse.position[axis][sample]) - p[axis]);
+    }
+    // The cosine's power 32.
+    let c2 = cosine.max(Lanes::ZERO) * cosine.max(Lanes::ZERO);
+    let c4 = c2 * c2;
+    let c8 = c4 * c4;
+    let c16 = c8 * c8;
+    let half = footprint * PLANE_DISTANCE;
+    c16 * c16 * half / (half + distance.max(-distance))
 }
 
 /// Adds to a pixel's radiance what proxies change of it.
@@ -204,47 +375,9 @@ fn less(irradiance: &mut [f32; 4], rows: &[[f32; 4]], transfer: &[f32]) {
     }
 }
 
-/// w^N w^z of equation 11 for four receivers: 0 for those that see nothing.
-#[inline(always)]
-fn agreement(
-    coarse: &Receivers,
-    samples: [usize; 4],
-    fine: &Receivers,
-    pixel: usize,
-    resampling: Resampling,
-    compare: bool,
-) -> [f32; 4] {
-    // Four at a time: planes of the receivers' normals and distances first.
-    let (mut cosine, mut distance, mut seen) = ([0.0f32; 4], [0.0f32; 4], [0.0f32; 4]);
-    let (p, n) = (fine.point(pixel), fine.normal_at(pixel));
-    for axis in 0..3 {
-        let (normals, positions) = (&coarse.normal[axis], &coarse.position[axis]);
-        for k in 0..4 {
-            cosine[k] += n[axis] * normals[samples[k]];
-            distance[k] += n[axis] * (positions[samples[k]] - p[axis]);
-        }
-    }
-    for k in 0..4 {
-        seen[k] = if coarse.depth[samples[k]] < Receivers::NOTHING { 1.0 } else { 0.0 };
-    }
-    if !compare {
-        return seen;
-    }
-    let half = PLANE_DISTANCE * resampling.pixel * resampling.scale as f32 * fine.depth[pixel];
-    for k in 0..4 {
-        // The cosine's power 32.
-        let c2 = cosine[k].max(0.0) * cosine[k].max(0.0);
-        let c4 = c2 * c2;
-        let c8 = c4 * c4;
-        let c16 = c8 * c8;
-        seen[k] *= c16 * c16 * half / (half + distance[k].abs());
-    }
-    seen
-}
-
-/// Gathers single pixels into receivers of their own, rows of up to 1024, to be shaded from scratch.
+/// Gathers single pixels into receivers of their own, rows as wide as a tile, to be shaded from scratch.
 pub fn gather(fine: &Receivers, pixels: &[u32]) -> Receivers {
-    const WIDTH: usize = 64 * LANES;
+    const WIDTH: usize = TILE_GROUPS * LANES;
     let width = pixels.len().min(WIDTH);
     let height = pixels.len().div_ceil(WIDTH);
     let mut gathered = Receivers::nothing(width, height, fine.transfer.len());
@@ -351,12 +484,12 @@ mod tests {
         let (mut out, _, fine) = picture(Upsampling::Bilateral);
         let pixels: Vec<u32> = (0..out.len() as u32).step_by(3).collect();
         let gathered = gather(&fine, &pixels);
-        assert_eq!((gathered.width(), gathered.height()), (512, 2));
+        assert_eq!((gathered.width(), gathered.height()), (16, 64));
         let places = gathered.stride() * gathered.height();
         // Each pixel reflects its own number.
         let mut values = vec![[0.0; 4]; 2 * places];
         for (i, pixel) in pixels.iter().enumerate() {
-            let place = gathered.index(i % 512, i / 512);
+            let place = gathered.index(i % 16, i / 16);
             assert_eq!(gathered.point(place), fine.point(*pixel as usize));
             values[2 * place + 1] = [*pixel as f32; 4];
         }

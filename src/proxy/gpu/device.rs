@@ -16,6 +16,8 @@ pub struct Gpu {
     name: String,
     has_timestamps: bool,
     is_software: bool,
+    /// Bytes that a buffer of a pass may have.
+    most: u64,
 }
 
 /// Storage buffers that one pass needs.
@@ -45,6 +47,7 @@ impl Gpu {
                 limits.max_storage_buffers_per_shader_stage
             )));
         }
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
         let is_software = info.device_type == wgpu::DeviceType::Cpu;
         let has_timestamps = !is_software && adapter.features().contains(Features::TIMESTAMP_QUERY);
         let descriptor = DeviceDescriptor {
@@ -55,7 +58,7 @@ impl Gpu {
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| Error::input(format!("{name} cannot be used: {error}")))?;
-        Ok(Self { device, queue, name, has_timestamps, is_software })
+        Ok(Self { device, queue, name, has_timestamps, is_software, most })
     }
 
     /// What the device calls itself, and by which interface it is used.
@@ -74,14 +77,23 @@ impl Gpu {
         self.is_software
     }
 
+    /// Bytes that a buffer of a pass may have.
+    pub(super) fn most(&self) -> u64 {
+        self.most
+    }
+
+    /// The device as if its buffers were smaller.
+    #[cfg(test)]
+    pub(super) fn with_most(self, most: u64) -> Self {
+        Self { most, ..self }
+    }
+
     /// Fails where a buffer of so many bytes is more than a pass may use.
     pub(super) fn check_size(&self, what: &str, bytes: u64) -> Result<()> {
-        let limits = self.device.limits();
-        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
-        if bytes <= most {
+        if bytes <= self.most {
             return Ok(());
         }
-        let [bytes, most] = [bytes, most].map(|bytes| bytes >> 20);
+        let [bytes, most] = [bytes, self.most].map(|bytes| bytes >> 20);
         Err(Error::input(format!(
             "{}: {what} take {bytes} MiB, and {most} fit; ask for fewer or larger receivers",
             self.name
@@ -108,9 +120,9 @@ impl Gpu {
     }
 
     /// A buffer of parameters.
-    pub(super) fn uniform<T: NoUninit>(&self, label: &str, contents: &T) -> Buffer {
+    pub(super) fn uniform<T: NoUninit>(&self, label: &str, contents: &[T]) -> Buffer {
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
-        let contents = bytemuck::bytes_of(contents);
+        let contents = bytemuck::cast_slice(contents);
         self.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
     }
 

@@ -5,14 +5,15 @@ use super::Gpu;
 use super::kernel::{Kernel, Stage, Timer, groups_of_8x8, groups_of_64};
 use super::source::Source;
 use crate::proxy::coverage::FADE;
+use crate::proxy::direct_product::{DIRECTIONS, RIM};
 use crate::proxy::exponential::{HYB_BOUND, PS2_BOUND};
 use crate::proxy::self_shadow::INSIDE;
+use crate::proxy::shade::COSINE;
 use crate::proxy::upsample::{LEAST_WEIGHT, PLANE_DISTANCE};
 use crate::proxy::{
-    ClippedCapTable, Exponential, Exponentiator, IndirectOperator, IndirectTable, Interpolant, LogTable,
+    ClippedCapTable, DirectProduct, Exponential, Exponentiator, IndirectOperator, IndirectTable, Interpolant, LogTable,
     ReflectedLight, SelfShadowing, Settings, ShadingLight, Upsampling,
 };
-use crate::sphere::{Order, clamped_cosine};
 use crate::{Error, Result};
 
 /// What a pass knows of the receivers it works on: `View` of receivers.wgsl.
@@ -28,11 +29,13 @@ pub(super) struct View {
     pub(super) shadow_expansion: f32,
     pub(super) indirect_expansion: f32,
     pub(super) reflects: u32,
-    pub(super) padding: u32,
+    pub(super) first_row: u32,
+    pub(super) fine_first_row: u32,
+    pub(super) padding: [u32; 3],
 }
 
 /// Bytes of a receiver.
-pub(super) const RECEIVER: u64 = 48;
+const RECEIVER: usize = 48;
 
 /// The buffers of some receivers.
 pub(super) struct Buffers {
@@ -65,16 +68,18 @@ impl Light {
         }
         Self {
             coefficients: gpu.buffer("light", &padded(shading.coefficients())),
-            product: gpu.buffer("product", &padded(shading.product())),
+            product: gpu.uniform("product", &padded(shading.product())),
             reflected: gpu.uniform("reflected", &parts),
         }
     }
 }
 
+/// Empty tiles and pairs of tiles and proxies, for shadows and then for indirect light.
+pub(super) const COUNTS: usize = 4;
+
 /// The passes over receivers, and those between receivers and pixels.
 pub(super) struct Passes {
-    splat: Kernel,
-    exponentiate: Kernel,
+    shadows: Shadows,
     splat_indirect: Kernel,
     shade: Kernel,
     pub(super) upsample: Kernel,
@@ -82,10 +87,16 @@ pub(super) struct Passes {
     pub(super) scatter: Kernel,
     pub(super) base: Kernel,
     clipped: Buffer,
-    log_table: Buffer,
-    linear: Buffer,
     indirect_table: Buffer,
     sizes: Sizes,
+}
+
+/// The way from proxies to visibility, with its tables.
+enum Shadows {
+    /// Sums of logarithms and their exponentials.
+    Logarithms { splat: Kernel, table: Buffer, exponentiate: Kernel, linear: Option<Buffer> },
+    /// The product in many directions.
+    Product { splat: Kernel, directions: Buffer, projection: Buffer },
 }
 
 /// Numbers per receiver.
@@ -142,6 +153,7 @@ impl<'a> Shaders<'a> {
             ("BILATERAL", (settings.upsampling == Upsampling::Bilateral).to_string()),
             ("HAS_TRANSFER", (sizes.transfer > 0).to_string()),
             ("PLANE_DISTANCE", number(PLANE_DISTANCE)),
+            ("RIM", number(RIM)),
         ]
         .map(|(name, value): (&str, String)| (name.to_owned(), value))
         .to_vec();
@@ -150,11 +162,8 @@ impl<'a> Shaders<'a> {
         let least = if settings.upsampling == Upsampling::Bilateral { LEAST_WEIGHT } else { f32::MIN_POSITIVE };
         constants.push(("LEAST_WEIGHT".into(), number(least)));
         // The clamped cosine's own factor on every band of the harmonics.
-        let order = Order::new(needed_bands).unwrap_or(Order::MAX);
-        let zonal = clamped_cosine(order, glam::DVec3::Z);
-        for l in 0..needed_bands {
-            let factor = (4.0 * std::f64::consts::PI / (2 * l + 1) as f64).sqrt() * zonal[l * l + l];
-            constants.push((format!("COSINE_{l}"), number(factor as f32)));
+        for (l, factor) in COSINE.iter().enumerate().take(needed_bands) {
+            constants.push((format!("COSINE_{l}"), number(*factor)));
         }
         let counts = vec![
             ("BANDS", bands),
@@ -163,6 +172,8 @@ impl<'a> Shaders<'a> {
             ("NEEDED", sizes.needed),
             ("NEEDED_BANDS", needed_bands),
             ("ROWS", rows),
+            ("DIRECTIONS", DIRECTIONS),
+            ("PRODUCT", sizes.visibility * sizes.visibility),
         ];
         Self { source: Source { constants, counts, exponentiator: Some(exponentiator) } }
     }
@@ -173,6 +184,16 @@ impl<'a> Shaders<'a> {
 }
 
 impl Sizes {
+    /// Bytes that a receiver takes in the largest of its buffers.
+    pub(super) fn receiver(&self) -> u64 {
+        self.pixel().max(4 * self.log.max(self.visibility).max(4 * self.shading) as u64)
+    }
+
+    /// The same for a pixel that only takes from receivers.
+    pub(super) fn pixel(&self) -> u64 {
+        RECEIVER.max(4 * self.transfer) as u64
+    }
+
     pub(super) fn new(settings: &Settings, transfer_len: usize) -> Self {
         let order = settings.order;
         // As `ShadingLight::needed`.
@@ -183,7 +204,7 @@ impl Sizes {
         };
         let rows = if settings.interpolant == Interpolant::Shades { 1 } else { needed };
         Self {
-            log: settings.internal_order.len(),
+            log: if settings.exponential == Exponential::Direct { 0 } else { settings.internal_order.len() },
             visibility: order.len(),
             shading: rows + 1,
             transfer: transfer_len,
@@ -201,21 +222,32 @@ impl Passes {
     /// Passes for settings and receivers of these sizes.
     ///
     /// # Errors
-    /// A quality mode that is for processors only, or shaders that the device refuses.
+    /// Shaders that the device refuses.
     pub(super) fn new(gpu: &Gpu, settings: &Settings, sizes: Sizes) -> Result<Self> {
-        if matches!(settings.exponential, Exponential::Matrix | Exponential::Direct) {
-            let kind = settings.exponential;
-            return Err(Error::input(format!(
-                "`{kind}` is for processors only; leave out --device gpu, or take the exponential ps2, hyb or ol"
-            )));
-        }
         let exponentiator = Exponentiator::new(settings.exponential, settings.internal_order);
         let shaders = Shaders::new(settings, sizes, &exponentiator);
         let kernel = |label, parts: &[&str]| gpu.kernel(label, "main", shaders.expand(parts));
         let indirect = IndirectTable::new(settings.indirect.unwrap_or_default());
+        let shadows = if settings.exponential == Exponential::Direct {
+            let product = DirectProduct::new(settings.order);
+            Shadows::Product {
+                splat: kernel("direct_product", &[RECEIVERS, TILE, SELF_SHADOW, include_str!("direct_product.wgsl")])?,
+                directions: gpu.buffer("directions", &product.directions()),
+                projection: gpu.buffer("projection", product.projection()),
+            }
+        } else {
+            let is_matrix = settings.exponential == Exponential::Matrix;
+            let exponential =
+                if is_matrix { include_str!("matrix_exponential.wgsl") } else { include_str!("exponential.wgsl") };
+            Shadows::Logarithms {
+                splat: kernel("splat", &[RECEIVERS, TILE, SELF_SHADOW, include_str!("splat.wgsl")])?,
+                table: gpu.buffer("log table", LogTable::new(settings.internal_order).rows()),
+                exponentiate: kernel("exponentiate", &[RECEIVERS, exponential, include_str!("exponentiate.wgsl")])?,
+                linear: (!is_matrix).then(|| gpu.buffer("optimal linear", &exponentiator.optimal_linear().table)),
+            }
+        };
         Ok(Self {
-            splat: kernel("splat", &[RECEIVERS, TILE, SELF_SHADOW, include_str!("splat.wgsl")])?,
-            exponentiate: kernel("exponentiate", &[RECEIVERS, include_str!("exponentiate.wgsl")])?,
+            shadows,
             splat_indirect: kernel(
                 "splat_indirect",
                 &[RECEIVERS, TILE, SELF_SHADOW, include_str!("splat_indirect.wgsl")],
@@ -226,8 +258,6 @@ impl Passes {
             scatter: kernel("scatter", &[RECEIVERS, TRANSFER, include_str!("scatter.wgsl")])?,
             base: kernel("base", &[RECEIVERS, TRANSFER, include_str!("base.wgsl")])?,
             clipped: gpu.buffer("clipped", ClippedCapTable::get().entries()),
-            log_table: gpu.buffer("log table", LogTable::new(settings.internal_order).rows()),
-            linear: gpu.buffer("optimal linear", &exponentiator.optimal_linear().table),
             indirect_table: gpu.buffer("indirect table", indirect.rows()),
             sizes,
         })
@@ -245,10 +275,10 @@ impl Passes {
             Ok::<_, Error>(gpu.zeros(label, bytes))
         };
         let accumulated = |label: &str, per_receiver: usize| floats(label, if accumulate { per_receiver } else { 0 });
-        gpu.check_size("receivers", RECEIVER * count)?;
+        gpu.check_size("receivers", RECEIVER as u64 * count)?;
         Ok(Buffers {
-            view: gpu.uniform("view", view),
-            receivers: gpu.zeros("receivers", RECEIVER * count),
+            view: gpu.uniform("view", &[*view]),
+            receivers: gpu.zeros("receivers", RECEIVER as u64 * count),
             transfer: floats("transfer vectors", self.sizes.transfer)?,
             log: accumulated("log visibility", self.sizes.log)?,
             visibility: accumulated("visibility", self.sizes.visibility)?,
@@ -257,7 +287,7 @@ impl Passes {
         })
     }
 
-    /// Records the passes from the splats to the shading of receivers.
+    /// Records the passes from the splats to the shading of receivers. `counts` gets [`COUNTS`] numbers added.
     #[expect(clippy::too_many_arguments, reason = "plain buffers in, plain buffers out")]
     pub(super) fn record(
         &self,
@@ -268,16 +298,27 @@ impl Passes {
         view: &View,
         proxies: &Buffer,
         light: &Light,
+        counts: &Buffer,
     ) {
         let Buffers { view: parameters, receivers, transfer, log, visibility, indirect, shading } = buffers;
         let tiles = groups_of_8x8(view.size);
         let groups = groups_of_64(view.count);
-        let splatted = [parameters, receivers, proxies, &self.clipped, &self.log_table, log];
-        self.splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
-        let exponentiated = [parameters, log, &self.linear, visibility];
-        self.exponentiate.run(gpu, encoder, timer, Stage::Exponentiate, &exponentiated, groups);
+        match &self.shadows {
+            Shadows::Logarithms { splat, table, exponentiate, linear } => {
+                let splatted = [parameters, receivers, proxies, &self.clipped, table, log, counts];
+                splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
+                let exponentiated: Vec<&Buffer> = [parameters, log, visibility].into_iter().chain(linear).collect();
+                exponentiate.run(gpu, encoder, timer, Stage::Exponentiate, &exponentiated, groups);
+            }
+            Shadows::Product { splat, directions, projection } => {
+                let splatted =
+                    [parameters, receivers, proxies, &self.clipped, directions, projection, visibility, counts];
+                splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
+            }
+        }
         if view.reflects != 0 {
-            let lit = [parameters, receivers, proxies, &self.clipped, &self.indirect_table, &light.reflected, indirect];
+            let (table, reflected) = (&self.indirect_table, &light.reflected);
+            let lit = [parameters, receivers, proxies, &self.clipped, table, reflected, indirect, counts];
             self.splat_indirect.run(gpu, encoder, timer, Stage::Indirect, &lit, tiles);
         }
         let shaded = [parameters, receivers, transfer, visibility, indirect, &light.product, shading];

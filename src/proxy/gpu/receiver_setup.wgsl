@@ -11,7 +11,7 @@ struct Camera {
     corner: vec4f,
     // Receivers across and down, pixels per receiver, whether there are transfer vectors.
     size: vec4u,
-    // Half of the display, the nearest depth.
+    // The view's axis from the band's top left corner, in pixels; the nearest depth.
     half: vec4f,
 }
 

@@ -1,12 +1,12 @@
 // What all passes over receivers share.
 
 struct View {
-    // Receivers across and down, and their number: place y * width + x.
+    // Receivers across and down, and their number: place y * width + x. All is in bands of rows where a device holds no more.
     width: u32,
     height: u32,
     count: u32,
     proxies: u32,
-    // The pixels of the display, and how many of them a receiver stands for across and down.
+    // Pixels of the display in this band, and how many of them a receiver stands for across and down.
     fine_width: u32,
     fine_height: u32,
     scale: u32,
@@ -17,7 +17,12 @@ struct View {
     indirect_expansion: f32,
     // Whether there is indirect light.
     reflects: u32,
-    padding: u32,
+    // Where the band begins among the rows of all receivers, and of the display.
+    first_row: u32,
+    fine_first_row: u32,
+    padding0: u32,
+    padding1: u32,
+    padding2: u32,
 }
 
 struct Receiver {
@@ -34,7 +39,8 @@ struct Proxy {
     center: vec3f,
     radius: f32,
     albedo: vec3f,
-    body: u32,
+    // How much of what it hides it counts for.
+    share: f32,
 }
 
 const NOTHING: f32 = 1e37;

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
@@ -21,7 +23,9 @@ pub(super) struct Setup {
     vertices: Buffer,
     triangles: Buffer,
     transfer: Buffer,
-    /// The set's own, which come first.
+    /// Coefficients in a transfer vector.
+    transfer_len: usize,
+    /// The set's own vertices and triangles, which come first.
     set: [usize; 2],
     /// All of this frame's.
     count: u32,
@@ -62,13 +66,16 @@ const NUMBERS: TextureFormat = TextureFormat::R32Uint;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 
 impl Target {
-    pub(super) fn new(gpu: &Gpu, viewport: &Viewport, set: &Surface) -> Self {
+    /// Some rows of a viewport's receivers.
+    pub(super) fn new(gpu: &Gpu, viewport: &Viewport, rows: Range<u32>, set: &Surface) -> Self {
         let camera = &viewport.camera;
-        let size = viewport.size().map(|side| side as u32);
+        let size = [viewport.size()[0] as u32, rows.end - rows.start];
+        // The band's own image begins here.
+        let first = f64::from(rows.start) * viewport.scale as f64;
         let farthest = set.positions.iter().map(|p| camera.project(p.as_dvec3()).z).fold(0.0, f64::max);
         let padded = |v: DVec3, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
-        let corner = camera.ray(0.0, 0.0);
-        let [right, down] = [camera.ray(1.0, 0.0) - corner, camera.ray(0.0, 1.0) - corner];
+        let corner = camera.ray(0.0, first);
+        let [right, down] = [camera.ray(1.0, first) - corner, camera.ray(0.0, first + 1.0) - corner];
         let [width, height] = camera.resolution();
         let parameters = Camera {
             eye: padded(camera.position(), 0.0),
@@ -77,7 +84,12 @@ impl Target {
             forward: padded(camera.forward(), 0.0),
             corner: padded(corner, 0.0),
             size: [size[0], size[1], viewport.scale as u32, 0],
-            half: [width as f32 / 2.0, height as f32 / 2.0, (1e-6 * farthest).max(1e-30) as f32, 0.0],
+            half: [
+                width as f32 / 2.0,
+                (f64::from(height) / 2.0 - first) as f32,
+                (1e-6 * farthest).max(1e-30) as f32,
+                0.0,
+            ],
         };
         let texture = |format, usage| {
             let descriptor = TextureDescriptor {
@@ -93,7 +105,7 @@ impl Target {
             gpu.device.create_texture(&descriptor).create_view(&Default::default())
         };
         Self {
-            camera: gpu.uniform("camera", &parameters),
+            camera: gpu.uniform("camera", &[parameters]),
             size,
             numbers: texture(NUMBERS, TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING),
             depth: texture(DEPTH, TextureUsages::RENDER_ATTACHMENT),
@@ -147,6 +159,7 @@ impl Setup {
             vertices: gpu.buffer("vertices", &vertices),
             triangles: gpu.buffer("triangles", &triangles),
             transfer: gpu.buffer("vertex transfer", &set.transfer),
+            transfer_len: set.transfer_len,
             set: [set.positions.len(), set.triangles.len()],
             count: set.triangles.len() as u32,
         })
@@ -156,14 +169,23 @@ impl Setup {
     ///
     /// # Errors
     /// More than the device holds.
+    ///
+    /// # Panics
+    /// If a body's transfer vectors are of another length than the set's.
     pub(super) fn place(&mut self, gpu: &Gpu, bodies: &[Surface]) -> Result<()> {
-        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        let (mut vertices, mut triangles, mut transfer) = (Vec::new(), Vec::new(), Vec::new());
         for body in bodies {
-            let (v, t) = packed(body, self.set[0] + vertices.len() / 2, false);
+            let has_transfer = self.transfer_len > 0 && body.transfer_len > 0;
+            assert!(!has_transfer || body.transfer_len == self.transfer_len);
+            let (v, t) = packed(body, self.set[0] + vertices.len() / 2, has_transfer);
             vertices.extend(v);
             triangles.extend(t);
+            transfer.extend_from_slice(if has_transfer { &body.transfer } else { &[] });
+            // Those that have none are not looked at.
+            transfer.resize(self.transfer_len * (vertices.len() / 2), 0.0);
         }
         let [own_vertices, own_triangles] = self.set;
+        append(gpu, &mut self.transfer, "vertex transfer", (own_vertices * self.transfer_len) as u64 * 4, &transfer)?;
         append(gpu, &mut self.vertices, "vertices", own_vertices as u64 * 32, &vertices)?;
         append(gpu, &mut self.triangles, "triangles", own_triangles as u64 * 32, &triangles)?;
         self.count = (own_triangles + triangles.len()) as u32;

@@ -7,19 +7,18 @@
 @group(0) @binding(3) var<storage, read> visibility: array<f32>;
 @group(0) @binding(4) var<storage, read> indirect: array<vec4f>;
 // Row k, column j of the product matrices, colours side by side.
-@group(0) @binding(5) var<storage, read> product: array<vec4f>;
+@group(0) @binding(5) var<uniform> product: array<vec4f, PRODUCT>;
 // Rows of every receiver: hidden light, then reflected irradiance, whose last number tells whether any proxy does anything.
 @group(0) @binding(6) var<storage, read_write> shading: array<vec4f>;
 
-fn blocked(k: u32, place: u32) -> f32 {
-    return select(0.0, ONE, k == 0u) - visibility[k * view.count + place];
+// 1 - visibility.
+struct Blocked {
+    //#each OUT_LEN| b$: f32,
 }
 
-fn hidden(k: u32, place: u32) -> vec3f {
+fn hidden(k: u32, blocked: Blocked) -> vec3f {
     var sum = vec3f(0.0);
-    for (var j = 0u; j < OUT_LEN; j++) {
-        sum += product[k * OUT_LEN + j].rgb * blocked(j, place);
-    }
+    //#each OUT_LEN| sum += product[k * OUT_LEN + $u].rgb * blocked.b$;
     return sum;
 }
 
@@ -29,13 +28,15 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
     if place >= view.count {
         return;
     }
+    var blocked: Blocked;
+    //#each OUT_LEN| blocked.b$ = select(0.0, ONE, $u == 0u) - visibility[$u * view.count + place];
     var any = 0.0;
-    //#each OUT_LEN| any += abs(blocked($u, place));
+    //#each OUT_LEN| any += abs(blocked.b$);
     var reflected = vec3f(0.0);
     if view.reflects != 0u {
         let sum = indirect[place];
         if sum.w > 0.0 {
-            let union_angle = max(blocked(0u, place) * ONE, 0.0);
+            let union_angle = max(blocked.b0 * ONE, 0.0);
             reflected = max(sum.rgb * min(union_angle / max(sum.w, MIN_POSITIVE), 1.0), vec3f(0.0));
         }
     }
@@ -45,11 +46,11 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) group
         var shade = vec3f(0.0);
         if touched {
             let t = transfer_vector(receivers[place].normal, place, view.count);
-            //#each NEEDED| shade += t.t$ * hidden($u, place);
+            //#each NEEDED| shade += t.t$ * hidden($u, blocked);
         }
         shading[first] = vec4f(shade, 0.0);
     } else if touched {
-        //#each NEEDED| shading[first + $u] = vec4f(hidden($u, place), 0.0);
+        //#each NEEDED| shading[first + $u] = vec4f(hidden($u, blocked), 0.0);
     } else {
         //#each NEEDED| shading[first + $u] = vec4f(0.0);
     }

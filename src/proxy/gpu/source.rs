@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::proxy::Exponentiator;
 use crate::proxy::basis::factors;
+use crate::proxy::{Exponentiator, SquareTerm};
 
 /// What is known when a shader is made.
 ///
@@ -14,6 +14,7 @@ use crate::proxy::basis::factors;
 /// //#each FIRST NAME| text        the same from FIRST on
 /// //#basis NAME axis| text        text for every harmonic $ of so many bands, whose value for the direction is y$
 /// //#square                       g.f$ of the square of f, coefficient by coefficient
+/// //#product                      h.f$ of the product of f and g, likewise
 /// ```
 pub(super) struct Source<'a> {
     /// Constants and their values, as WGSL has them.
@@ -49,6 +50,7 @@ impl Source<'_> {
                     _ => push(&mut out, format_args!("{line}")),
                 },
                 None if directive == Some("square") => self.square(&mut out),
+                None if directive == Some("product") => self.product(&mut out),
                 None => push(&mut out, format_args!("{line}")),
             }
         }
@@ -103,14 +105,23 @@ impl Source<'_> {
     }
 
     fn square(&self, out: &mut String) {
+        self.sums(out, 'g', |SquareTerm { i, j, value }| format!("f.f{i} * f.f{j} * f32({value:e})"));
+    }
+
+    fn product(&self, out: &mut String) {
+        self.sums(out, 'h', |SquareTerm { i, j, value }| match i == j {
+            true => format!("f.f{i} * g.f{i} * f32({value:e})"),
+            false => format!("(f.f{i} * g.f{j} + f.f{j} * g.f{i}) * f32({:e})", 0.5 * value),
+        });
+    }
+
+    /// The sum over the terms of a square, coefficient by coefficient.
+    fn sums(&self, out: &mut String, name: char, term: impl Fn(&SquareTerm) -> String) {
         let Some(exponentiator) = self.exponentiator else { return };
         let (first, terms) = exponentiator.square_terms();
         for k in 0..first.len() - 1 {
-            let sum: Vec<String> = terms[first[k]..first[k + 1]]
-                .iter()
-                .map(|term| format!("f.f{} * f.f{} * f32({:e})", term.i, term.j, term.value))
-                .collect();
-            push(out, format_args!("g.f{k} = {};", if sum.is_empty() { "0.0".into() } else { sum.join(" + ") }));
+            let sum: Vec<String> = terms[first[k]..first[k + 1]].iter().map(&term).collect();
+            push(out, format_args!("{name}.f{k} = {};", if sum.is_empty() { "0.0".into() } else { sum.join(" + ") }));
         }
     }
 }

@@ -8,6 +8,10 @@
 @group(0) @binding(4) var<storage, read> table: array<vec4f>;
 // Coefficient k of the receiver at a place: k * count + place.
 @group(0) @binding(5) var<storage, read_write> log_visibility: array<f32>;
+// Empty tiles and pairs of tiles and proxies, of this pass from number COUNTED on.
+@group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>>;
+
+const COUNTED: u32 = 0u;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -25,12 +29,13 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
                 while bits != 0u {
                     let bit = firstTrailingBit(bits);
                     bits &= bits - 1u;
-                    let seen = see(proxies[first + word * 32u + bit], receiver.position, receiver.normal, view.shadow_expansion);
+                    let proxy = proxies[first + word * 32u + bit];
+                    let seen = see(proxy, receiver.position, receiver.normal, view.shadow_expansion);
                     if seen.weight > 0.0 {
                         let x = seen.u * f32(LOG_INTERVALS);
                         let row = min(u32(x), LOG_INTERVALS - 1u);
-                        let low = mix(table[2u * row], table[2u * row + 2u], x - f32(row)) * seen.weight;
-                        let high = mix(table[2u * row + 1u], table[2u * row + 3u], x - f32(row)) * seen.weight;
+                        let low = mix(table[2u * row], table[2u * row + 2u], x - f32(row)) * (seen.weight * proxy.share);
+                        let high = mix(table[2u * row + 1u], table[2u * row + 3u], x - f32(row)) * (seen.weight * proxy.share);
                         let bands = array<f32, 6>(low.x, low.y, low.z, low.w, high.x, high.y);
                         //#basis BANDS seen.axis| s$ += y$ * bands[@];
                     }
@@ -38,6 +43,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
             }
         }
     }
+    tile_count(lane);
     if inside {
         //#each LEN| log_visibility[$u * view.count + place] = s$;
     }

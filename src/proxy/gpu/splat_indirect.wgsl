@@ -9,6 +9,10 @@
 @group(0) @binding(5) var<uniform> light: Light;
 // R, G, B and the solid angle.
 @group(0) @binding(6) var<storage, read_write> indirect: array<vec4f>;
+// Empty tiles and pairs of tiles and proxies, of this pass from number COUNTED on.
+@group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
+
+const COUNTED: u32 = 2u;
 
 // The light as proxies reflect it, colour by colour: (linear, constant), (xx, yy, zz, 0), (xy, yz, zx, 0).
 struct Light {
@@ -102,6 +106,7 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
             }
         }
     }
+    tile_count(lane);
     if inside {
         indirect[place] = sum;
     }

@@ -3,13 +3,13 @@
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::kernel::{Stage, Timer, groups_of_8x8};
-use super::passes::{Buffers, Light, Passes, Shaders, Sizes, View};
+use super::passes::{Buffers, COUNTS, Light, Passes, Shaders, Sizes, View};
 use super::setup::{Setup, Target};
 use super::{Gpu, Renderer};
 use crate::proxy::{
-    Coverage, DistantLight, Exponential, Exponentiator, HarmonicBuffer, INDIRECT_LEN, IndirectOperator, IndirectTable,
-    Interpolant, LogTable, Proxy, Receivers, Resampling, SelfShadowing, Settings, Shading, ShadingLight, Surface,
-    Upsampling, Viewport, draw, exponentiate, shade, splat, splat_indirect, upsample,
+    Coverage, DirectProduct, DistantLight, Exponential, Exponentiator, HarmonicBuffer, INDIRECT_LEN, IndirectOperator,
+    IndirectTable, Interpolant, LogTable, Proxy, Receivers, Resampling, SelfShadowing, Settings, Shading, ShadingLight,
+    Surface, Upsampling, Viewport, direct_product, draw, exponentiate, shade, splat, splat_indirect, upsample,
 };
 use crate::scene::shapes::{Plane, Random, TorusKnot};
 use crate::scene::{Camera, Geometry, GeometryBuilder, Mesh};
@@ -55,7 +55,7 @@ fn proxies(count: usize) -> Vec<Proxy> {
         center: (DVec3::new(0.0, 0.9, 0.0) + DVec3::new(3.0, 1.0, 3.0) * random.in_ball()).as_vec3(),
         radius: random.between(0.05, 0.4) as f32,
         albedo: Vec3::new(0.9, 0.3 + 0.1 * (i % 5) as f32, 0.2),
-        body: 0,
+        share: 0.4 + 0.2 * (i % 4) as f32,
     };
     (0..count).map(&mut proxy).collect()
 }
@@ -87,6 +87,8 @@ struct Both {
     gpu: Gpu,
     passes: Passes,
     buffers: Buffers,
+    counts: wgpu::Buffer,
+    proxies: Vec<Proxy>,
 }
 
 /// Pixels as passes want them, without padding.
@@ -121,8 +123,13 @@ fn both(settings: &Settings, proxies: &[Proxy], transfer_len: usize) -> Both {
     let mut visibility = HarmonicBuffer::zeros(settings.order.len(), places);
     let mut indirect = HarmonicBuffer::zeros(INDIRECT_LEN, places);
     let mut shading = Shading::default();
-    splat(&receivers, proxies, &LogTable::new(settings.internal_order), rule, shadows, &mut log);
-    exponentiate(&log, &Exponentiator::new(settings.exponential, settings.internal_order), &mut visibility);
+    if settings.exponential == Exponential::Direct {
+        let product = DirectProduct::new(settings.order);
+        direct_product(&receivers, proxies, &product, rule, shadows, &mut visibility);
+    } else {
+        splat(&receivers, proxies, &LogTable::new(settings.internal_order), rule, shadows, &mut log);
+        exponentiate(&log, &Exponentiator::new(settings.exponential, settings.internal_order), &mut visibility);
+    }
     let table = settings.indirect.map(IndirectTable::new);
     if let Some(table) = &table {
         splat_indirect(&receivers, proxies, &light.reflected(), table, rule, reach, &mut indirect);
@@ -144,16 +151,29 @@ fn both(settings: &Settings, proxies: &[Proxy], transfer_len: usize) -> Both {
         shadow_expansion: shadows.expansion,
         indirect_expansion: reach.expansion,
         reflects: settings.indirect.is_some().into(),
-        padding: 0,
+        ..View::default()
     };
     let buffers = passes.buffers(&gpu, &view, true).unwrap();
     upload(&gpu, &receivers, &buffers);
     let device_light = Light::new(&gpu, &shading_light, &light.reflected());
     let spheres = gpu.buffer("proxies", proxies);
+    let counts = gpu.zeros("counts", 4 * COUNTS as u64);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    passes.record(&gpu, &mut encoder, &mut Timer::new(&gpu), &buffers, &view, &spheres, &device_light);
+    passes.record(&gpu, &mut encoder, &mut Timer::new(&gpu), &buffers, &view, &spheres, &device_light, &counts);
     gpu.queue.submit([encoder.finish()]);
-    Both { receivers, log, visibility, indirect, shading, view, gpu, passes, buffers }
+    Both {
+        receivers,
+        log,
+        visibility,
+        indirect,
+        shading,
+        view,
+        gpu,
+        passes,
+        buffers,
+        counts,
+        proxies: proxies.to_vec(),
+    }
 }
 
 /// At how many receivers `device(place, k)` and `cpu(place, k)` differ by more than 1e-4, or 1e-4 of the value.
@@ -180,9 +200,9 @@ fn check(settings: &Settings, proxies: &[Proxy], transfer_len: usize, allowed: u
     let both = both(settings, proxies, transfer_len);
     let count = both.view.count as usize;
     let lanes = |buffer: &HarmonicBuffer, i: usize, k: usize| buffer.group(i / 8)[k].0[i % 8];
-    for (name, device, cpu) in
-        [("splat", &both.buffers.log, &both.log), ("exponentiate", &both.buffers.visibility, &both.visibility)]
-    {
+    let has_log = settings.exponential != Exponential::Direct;
+    let log = has_log.then_some(("splat", &both.buffers.log, &both.log));
+    for (name, device, cpu) in log.into_iter().chain([("visibility", &both.buffers.visibility, &both.visibility)]) {
         let read: Vec<f32> = both.gpu.read(device, cpu.len() * count).unwrap();
         let bad = mismatches(&both, cpu.len(), |place, k| read[k * count + place], |i, k| lanes(cpu, i, k));
         assert!(bad <= allowed, "{name}: {bad} receivers of {count}, {settings:?}");
@@ -223,7 +243,14 @@ fn check(settings: &Settings, proxies: &[Proxy], transfer_len: usize, allowed: u
         &unmatched,
     ];
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    passes.upsample.run(gpu, &mut encoder, &mut Timer::new(gpu), Stage::Upsample, &bound, groups_of_8x8([160, 120]));
+    passes.upsample.run(
+        gpu,
+        &mut encoder,
+        &mut Timer::new(gpu),
+        Stage::Upsample,
+        &bound,
+        groups_of_8x8(view.size.map(|side| side + 1)),
+    );
     gpu.queue.submit([encoder.finish()]);
     let found: Vec<[f32; 4]> = gpu.read(&radiance, base.len()).unwrap();
     let bad = |(a, b): (&[f32; 4], &[f32; 3])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-4 * b[c].abs().max(1.0));
@@ -285,6 +312,14 @@ fn stages_agree_in_few_bands_and_many() {
 }
 
 #[test]
+fn stages_agree_in_the_quality_modes() {
+    check(&Settings { exponential: Exponential::Matrix, ..settings(4, 4) }, &proxies(60), 0, 0);
+    check(&Settings { exponential: Exponential::Matrix, ..settings(3, 5) }, &proxies(20), 0, 0);
+    check(&Settings { exponential: Exponential::Direct, ..settings(4, 4) }, &proxies(60), 0, 0);
+    check(&Settings { exponential: Exponential::Direct, ..settings(6, 6) }, &proxies(20), 16, 0);
+}
+
+#[test]
 fn stages_agree_with_transfer_vectors() {
     check(&settings(4, 4), &proxies(30), 16, 0);
 }
@@ -302,18 +337,24 @@ fn set_up_sees_the_same_points() {
         let viewport = Viewport { camera: camera([203, 150]), scale };
         let mut expected = viewport.nothing(transfer_len);
         let (set, body) = (floor(transfer_len), knot());
+        let lit = surface(
+            TorusKnot { triangles: 600, ..TorusKnot::default() }.mesh().unwrap(),
+            DVec3::new(-1.5, 1.0, 0.5),
+            transfer_len,
+        );
         draw(&viewport, &set, &mut expected);
         draw(&viewport, &body, &mut expected);
+        draw(&viewport, &lit, &mut expected);
 
         let sizes = Sizes::new(&settings, transfer_len);
         let exponentiator = Exponentiator::new(settings.exponential, settings.internal_order);
         let passes = Passes::new(&gpu, &settings, sizes).unwrap();
         let mut setup = Setup::new(&gpu, &Shaders::new(&settings, sizes, &exponentiator), &set).unwrap();
-        setup.place(&gpu, &[body]).unwrap();
+        setup.place(&gpu, &[body, lit]).unwrap();
         let size = [expected.width() as u32, expected.height() as u32];
         let count = size[0] * size[1];
         let buffers = passes.buffers(&gpu, &View { size, count, ..View::default() }, false).unwrap();
-        let target = Target::new(&gpu, &viewport, &set);
+        let target = Target::new(&gpu, &viewport, 0..size[1], &set);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         setup.record(&gpu, &mut encoder, &mut Timer::new(&gpu), &target, &buffers);
         gpu.queue.submit([encoder.finish()]);
@@ -376,13 +417,64 @@ fn frames_agree_stand_still_and_repeat() {
 }
 
 #[test]
+fn bands_of_rows_add_up_to_the_picture() {
+    let (set, bodies, spheres) = (floor(0), [knot()], proxies(60));
+    let camera = camera([160, 122]);
+    // Shading takes most of a receiver's bytes, then the receiver itself: three rows of the first or twelve of the second.
+    for (scale, most) in [(1, 3 * 160 * 160), (2, 12 * 48 * 160), (4, 12 * 48 * 160)] {
+        let settings = Settings { receiver_scale: scale, ..settings(4, 4) };
+        let light = light(settings.order);
+        let [whole, banded] = [u64::MAX, most].map(|most| {
+            let gpu = gpu();
+            let most = gpu.most().min(most);
+            let mut renderer = Renderer::new(gpu.with_most(most), settings, &camera, &set, &light, None).unwrap();
+            let statistics = renderer.render(&bodies, &spheres).unwrap();
+            (renderer.radiance().to_vec(), statistics)
+        });
+        let differs = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-4 * b[c].max(1.0));
+        let bad = banded.0.iter().zip(&whole.0).filter(|pair| differs(*pair)).count();
+        // Corners in other places on the device's grid: pixels on edges, and those that take from receivers there.
+        assert!(bad * 100 < whole.0.len(), "scale {scale}: {bad} pixels");
+        assert!(banded.1.tiles > whole.1.tiles);
+        // Tiles of 8 x 8 receivers of the whole picture, of which some see the sky; most pairs are of both.
+        assert_eq!(whole.1.tiles, (160usize.div_ceil(8 * scale) * 122usize.div_ceil(8 * scale)) as u64);
+        assert!(whole.1.empty_tiles < whole.1.tiles && whole.1.pairs > whole.1.tiles - whole.1.empty_tiles);
+    }
+    let most = 48 * 159;
+    let settings = settings(4, 4);
+    let refused = Renderer::new(gpu().with_most(most), settings, &camera, &set, &light(settings.order), None);
+    let message = refused.err().expect("no row fits").to_string();
+    assert!(message.contains("a row of receivers take"), "{message}");
+}
+
+#[test]
+fn counts_of_tiles_are_those_of_the_processor() {
+    let both = both(&settings(4, 4), &proxies(6), 0);
+    let counts: Vec<u32> = both.gpu.read(&both.counts, COUNTS).unwrap();
+    let View { size, shadow_expansion, .. } = both.view;
+    let (mut empty, mut pairs) = (0, 0);
+    for (x0, y0) in (0..size[1]).step_by(8).flat_map(|y| (0..size[0]).step_by(8).map(move |x| (x, y))) {
+        let inside = (y0..(y0 + 8).min(size[1])).flat_map(|y| (x0..(x0 + 8).min(size[0])).map(move |x| (x, y)));
+        let places = inside.map(|(x, y)| both.receivers.index(x as usize, y as usize));
+        let points: Vec<Vec3> =
+            places.filter(|i| both.receivers.is_seen(*i)).map(|i| both.receivers.point(i)).collect();
+        let low = points.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
+        let high = points.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
+        let (centre, radius) = (0.5 * (low + high), 0.5001 * low.distance(high));
+        let reaches = |proxy: &&Proxy| proxy.center.distance(centre) < shadow_expansion * proxy.radius + radius;
+        let reached = if points.is_empty() { 0 } else { both.proxies.iter().filter(reaches).count() };
+        empty += u32::from(reached == 0);
+        pairs += reached as u32;
+    }
+    assert!(empty > 0 && pairs > 0);
+    assert_eq!((counts[0], counts[1]), (empty, pairs));
+}
+
+#[test]
 fn what_a_device_cannot_do_is_said() {
-    let settings = Settings { exponential: Exponential::Matrix, ..settings(4, 4) };
-    let light = light(settings.order);
-    let refused = Renderer::new(gpu(), settings, &camera([64, 64]), &floor(0), &light, None).err().expect("refused");
-    assert!(refused.to_string().contains("`matrix` is for processors only"), "{refused}");
     let bad = Proxy { radius: 0.0, ..proxies(1)[0] };
-    let settings = self::settings(4, 4);
+    let settings = settings(4, 4);
+    let light = light(settings.order);
     let mut renderer = Renderer::new(gpu(), settings, &camera([64, 64]), &floor(0), &light, None).unwrap();
     assert!(renderer.render(&[], &[bad]).unwrap_err().to_string().contains("sphere 0: its radius"));
     let message = gpu().check_size("pixels", 1 << 50).unwrap_err().to_string();

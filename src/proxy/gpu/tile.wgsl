@@ -5,6 +5,8 @@ const WORDS: u32 = 32u;
 
 var<workgroup> tile_low: array<atomic<u32>, 3>;
 var<workgroup> tile_high: array<atomic<u32>, 3>;
+// Pairs of the tile and a proxy.
+var<workgroup> tile_pairs: atomic<u32>;
 var<workgroup> tile_mask: array<atomic<u32>, WORDS>;
 
 // An integer that is ordered like the number.
@@ -22,6 +24,9 @@ fn tile_ball(lane: u32, seen: bool, position: vec3f) -> vec4f {
     if lane < 3u {
         atomicStore(&tile_low[lane], 0xffffffffu);
         atomicStore(&tile_high[lane], 0u);
+    }
+    if lane == 0u {
+        atomicStore(&tile_pairs, 0u);
     }
     workgroupBarrier();
     if seen {
@@ -60,4 +65,17 @@ fn tile_list(lane: u32, ball: vec4f, first: u32, count: u32, expansion: f32) {
         }
     }
     workgroupBarrier();
+    if lane < WORDS {
+        atomicAdd(&tile_pairs, countOneBits(atomicLoad(&tile_mask[lane])));
+    }
+}
+
+// Counts the tile, if it is empty, and its pairs. To be called by all of the tile, at last.
+fn tile_count(lane: u32) {
+    workgroupBarrier();
+    if lane == 0u {
+        let pairs = atomicLoad(&tile_pairs);
+        atomicAdd(&counts[COUNTED], select(0u, 1u, pairs == 0u));
+        atomicAdd(&counts[COUNTED + 1u], pairs);
+    }
 }

@@ -12,20 +12,6 @@
 
 const INVERSE_PI: f32 = 0.31830987;
 
-struct Neighbours {
-    first: u32,
-    second: u32,
-    t: f32,
-}
-
-fn neighbours(pixel: u32, count: u32) -> Neighbours {
-    let place = (f32(pixel) + 0.5) / f32(view.scale) - 0.5;
-    let low = floor(place);
-    let first = min(u32(max(low, 0.0)), count - 1u);
-    let second = min(u32(max(low + 1.0, 0.0)), count - 1u);
-    return Neighbours(first, second, place - low);
-}
-
 // w^N w^z of equation 11.
 fn agreement(pixel: Receiver, receiver: Receiver) -> f32 {
     if receiver.depth >= NOTHING {
@@ -44,52 +30,83 @@ fn agreement(pixel: Receiver, receiver: Receiver) -> f32 {
     return c16 * c16 * half_distance / (half_distance + distance);
 }
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= view.fine_width || id.y >= view.fine_height {
-        return;
-    }
-    let place = id.y * view.fine_width + id.x;
-    let x = neighbours(id.x, view.width);
-    let y = neighbours(id.y, view.height);
-    let a = y.first * view.width + x.first;
-    let b = y.first * view.width + x.second;
-    let c = y.second * view.width + x.first;
-    let d = y.second * view.width + x.second;
-    let ra = shading[a * (ROWS + 1u) + ROWS];
-    let rb = shading[b * (ROWS + 1u) + ROWS];
-    let rc = shading[c * (ROWS + 1u) + ROWS];
-    let rd = shading[d * (ROWS + 1u) + ROWS];
-    if ra.w + rb.w + rc.w + rd.w == 0.0 {
-        return;
-    }
-    let pixel = fine[place];
-    if pixel.depth >= NOTHING {
-        return;
-    }
-    var w = vec4f((1.0 - x.t) * (1.0 - y.t), x.t * (1.0 - y.t), (1.0 - x.t) * y.t, x.t * y.t);
-    if view.scale > 1u {
-        w *= vec4f(agreement(pixel, coarse[a]), agreement(pixel, coarse[b]), agreement(pixel, coarse[c]), agreement(pixel, coarse[d]));
-    }
-    let sum = w.x + w.y + w.z + w.w;
-    if sum < LEAST_WEIGHT {
-        unmatched_pixel(place);
-        return;
-    }
-    w /= sum;
-    var irradiance = ra.rgb * w.x + rb.rgb * w.y + rc.rgb * w.z + rd.rgb * w.w;
-    if SHADES {
-        irradiance -= mixed(0u, a, b, c, d, w);
-    } else {
-        let t = transfer_vector(pixel.normal, place, view.fine_width * view.fine_height);
-        //#each NEEDED| irradiance -= t.t$ * mixed($u, a, b, c, d, w);
-    }
-    radiance[place] = vec4f(max(radiance[place].rgb + pixel.albedo * INVERSE_PI * irradiance, vec3f(0.0)), 0.0);
+// The rows of one receiver.
+struct Rows {
+    //#each ROWS| h$: vec3f,
+    // What is added, and whether any proxy does anything.
+    added: vec4f,
 }
 
-fn mixed(row: u32, a: u32, b: u32, c: u32, d: u32, w: vec4f) -> vec3f {
-    return shading[a * (ROWS + 1u) + row].rgb * w.x + shading[b * (ROWS + 1u) + row].rgb * w.y
-        + shading[c * (ROWS + 1u) + row].rgb * w.z + shading[d * (ROWS + 1u) + row].rgb * w.w;
+fn rows(place: u32) -> Rows {
+    let first = place * (ROWS + 1u);
+    var out: Rows;
+    //#each ROWS| out.h$ = shading[first + $u].rgb;
+    out.added = shading[first + ROWS];
+    return out;
+}
+
+// What a receiver's rows make of a pixel's irradiance.
+fn lit(r: Rows, t: Transfer) -> vec3f {
+    var irradiance = r.added.rgb;
+    if SHADES {
+        irradiance -= r.h0;
+    } else {
+        //#each ROWS| irradiance -= t.t$ * r.h$;
+    }
+    return irradiance;
+}
+
+// One for every four receivers: the pixels between them share what is loaded.
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    if id.x > view.width || id.y > view.height {
+        return;
+    }
+    let left = max(id.x, 1u) - 1u;
+    let right = min(id.x, view.width - 1u);
+    let above = (max(id.y, 1u) - 1u) * view.width;
+    let below = min(id.y, view.height - 1u) * view.width;
+    let a = rows(above + left);
+    let b = rows(above + right);
+    let c = rows(below + left);
+    let d = rows(below + right);
+    if a.added.w + b.added.w + c.added.w + d.added.w == 0.0 {
+        return;
+    }
+    let ra = coarse[above + left];
+    let rb = coarse[above + right];
+    let rc = coarse[below + left];
+    let rd = coarse[below + right];
+    // The receiver to the upper left, and the first pixel nearer to the lower right than that one.
+    let low = vec2i(id.xy) - 1 + vec2i(0, i32(view.first_row));
+    let scale = i32(view.scale);
+    let start = low * scale + scale / 2;
+    for (var k = 0; k < scale * scale; k++) {
+        let at = start + vec2i(k % scale, k / scale);
+        let line = at.y - i32(view.fine_first_row);
+        if at.x < 0 || at.x >= i32(view.fine_width) || line < 0 || line >= i32(view.fine_height) {
+            continue;
+        }
+        let place = u32(line) * view.fine_width + u32(at.x);
+        let pixel = fine[place];
+        if pixel.depth >= NOTHING {
+            continue;
+        }
+        let t = (vec2f(at) + 0.5) / f32(scale) - 0.5 - vec2f(low);
+        var w = vec4f((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y);
+        if scale > 1 {
+            w *= vec4f(agreement(pixel, ra), agreement(pixel, rb), agreement(pixel, rc), agreement(pixel, rd));
+        }
+        let sum = w.x + w.y + w.z + w.w;
+        if sum < LEAST_WEIGHT {
+            unmatched_pixel(place);
+            continue;
+        }
+        w /= sum;
+        let transfer = transfer_vector(pixel.normal, place, view.fine_width * view.fine_height);
+        let irradiance = lit(a, transfer) * w.x + lit(b, transfer) * w.y + lit(c, transfer) * w.z + lit(d, transfer) * w.w;
+        radiance[place] = vec4f(max(radiance[place].rgb + pixel.albedo * INVERSE_PI * irradiance, vec3f(0.0)), 0.0);
+    }
 }
 
 fn unmatched_pixel(place: u32) {
