@@ -7,16 +7,10 @@ pub const TILE_RECEIVERS: usize = 64;
 
 /// Largest radius of a tile, as a fraction of the scene's diagonal: beyond it the edges that are contours for some
 /// receivers of the tile only outnumber what sharing the search saves.
-pub const TILE_RADIUS: f64 = 0.03;
-
-/// A tile of so many receivers grows no further than this share of the largest radius: the search has been shared enough.
-const ENOUGH: (usize, f64) = (16, 1.0 / 6.0);
-/// Tiles of fewer receivers are cut again, at this share of the largest radius: they are not worth so many edges.
-const FEW: (usize, f64) = (12, 1.0 / 3.0);
+pub const TILE_RADIUS: f64 = 0.01;
 
 /// Groups neighbouring receivers, as indices: along a Morton curve over their bounds, cut after [`TILE_RECEIVERS`] or
-/// when a group outgrows `radius` (of the box around it), or a part of it where receivers are dense or sparse. Depends on the
-/// positions alone.
+/// when a group outgrows `radius` (of the box around it). Depends on the positions alone.
 pub fn tiles(positions: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
     let bounds = |points: &mut dyn Iterator<Item = DVec3>| {
         points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
@@ -27,28 +21,13 @@ pub fn tiles(positions: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
         positions.iter().enumerate().map(|(i, &p)| (morton((p - low) / cell), i as u32)).collect();
     order.sort_unstable();
 
-    let order: Vec<u32> = order.into_iter().map(|(_, index)| index).collect();
-    let large = cut(positions, &order, |count| radius * if count < ENOUGH.0 { 1.0 } else { ENOUGH.1 });
-    let mut tiles = Vec::with_capacity(large.len());
-    for tile in large {
-        match tile.len() < FEW.0 {
-            true => tiles.extend(cut(positions, &tile, |_| radius * FEW.1)),
-            false => tiles.push(tile),
-        }
-    }
-    tiles
-}
-
-/// Cuts a row of receivers where a tile would outgrow the radius that it may have with so many.
-fn cut(positions: &[DVec3], row: &[u32], radius: impl Fn(usize) -> f64) -> Vec<Vec<u32>> {
     let mut tiles: Vec<Vec<u32>> = Vec::new();
     let mut extent = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for &index in row {
+    for (_, index) in order {
         let p = positions[index as usize];
         let grown = (extent.0.min(p), extent.1.max(p));
-        let fits = |count: usize| count < TILE_RECEIVERS && (grown.1 - grown.0).length() <= 2.0 * radius(count);
         match tiles.last_mut() {
-            Some(tile) if fits(tile.len()) => {
+            Some(tile) if tile.len() < TILE_RECEIVERS && (grown.1 - grown.0).length() <= 2.0 * radius => {
                 tile.push(index);
                 extent = grown;
             }
