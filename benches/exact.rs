@@ -15,7 +15,7 @@ use silhouette::visibility::{View, Viewer};
 
 /// Scene and receivers timed.
 const SCENES: [(&str, usize); 5] =
-    [("icosphere", 256), ("room", 256), ("knots_100k", 64), ("knots_2m", 16), ("foliage", 8)];
+    [("icosphere", 256), ("room", 256), ("knots_100k", 64), ("knots_2m", 48), ("foliage", 24)];
 
 /// Rounding of thousands of arcs: nothing beside the rays' own error.
 const TOLERANCE: f64 = 1e-9;
@@ -47,6 +47,7 @@ impl Engine<'_> {
         for tile in tiles {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             self.viewer.approach(receivers.clone(), &mut self.view);
+            self.viewer.search(&mut self.view);
             lap(search);
             for receiver in receivers {
                 self.viewer.face(receiver, &mut self.view);

@@ -10,9 +10,9 @@ use std::f64::consts::PI;
 use convergence::slope;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use scenes::{Random, assembled, rms, run, values};
-use silhouette::bake::{Method, Receivers};
+use silhouette::bake::{Method, Receivers, Request, integrate};
 use silhouette::scene::shapes::{Plane, TorusKnot};
-use silhouette::scene::{Environment, Geometry, Mesh, Sky, UpAxis};
+use silhouette::scene::{Environment, Geometry, Mesh, Scene, Sky, UpAxis};
 use silhouette::sphere::{BoundaryArc, vector_area};
 
 /// Numbers of isolines at which errors are measured.
@@ -318,5 +318,25 @@ fn the_sun_is_where_the_documentation_says() {
             assert!(green.normalize().dot(expected) > 0.999, "{up:?} {degrees}: {green} towards {expected}");
             assert!((green.length() / (5.0 * one.solid_angle(1)) - 1.0).abs() < 0.05);
         }
+    }
+}
+
+/// From the upright edge inside a room the sky is seen behind the walls, in two regions of one size that both begin and end at the
+/// poles of the image.
+#[test]
+fn regions_between_the_poles_of_the_image_are_told_apart() {
+    let geometry = Scene::builtin("room").unwrap().geometry;
+    let receivers = Receivers::vertices(&geometry).0.pick(1..8);
+    let sun = DVec3::new(-0.1, 0.16, 0.98).normalize();
+    let environment = environment(128, 64, |w, _, _| Vec3::splat(if w.dot(sun) > 0.9996 { 500.0 } else { 1.0 }));
+    let request = Request { vector_irradiance: true, ..Request::default() };
+    let light = |method| {
+        let outcome = integrate(&geometry, Some(&environment), &receivers, &request, method, None, &()).unwrap();
+        outcome.arrays.get("vector_irradiance").unwrap().data.clone()
+    };
+    let [exact, lines] = [Method::Exact, Method::Isolines { lines: 512 }].map(light);
+    assert!(exact.iter().any(|value| value.abs() > 1.5), "the sun is seen");
+    for (a, b) in exact.iter().zip(&lines) {
+        assert!((a - b).abs() < 0.02, "{a} {b}");
     }
 }

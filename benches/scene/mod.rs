@@ -24,19 +24,22 @@ impl Case {
         }
     }
 
-    /// Whole tiles of a bake of all vertices, spread evenly over it, that hold `count` receivers or a few more.
+    /// Tiles of a bake of all vertices, spread evenly over it, that hold about `count` receivers. Where few would, more are taken and
+    /// cut short: places differ.
     pub fn tiles(&self, count: usize) -> Vec<Vec<u32>> {
         let [low, high] = self.geometry.bounds().expect("the scene is not empty").map(|p| p.as_dvec3());
         let all = tiles(&self.receivers.positions, TILE_RADIUS * low.distance(high));
-        let mean = self.receivers.len() / all.len();
-        let step = (all.len() * mean / count).max(1);
+        /// Places, at least.
+        const PLACES: usize = 6;
+        let whole = (count * all.len()).div_ceil(self.receivers.len());
+        let (wanted, most) = if whole < PLACES { (PLACES, count.div_ceil(PLACES)) } else { (whole, count) };
         let mut left = count;
         let mut taken: Vec<Vec<u32>> = Vec::new();
-        for tile in all.into_iter().step_by(step) {
-            left = left.saturating_sub(tile.len());
-            taken.push(tile);
-            if left == 0 {
-                break;
+        for tile in (0..wanted).map(|i| &all[(2 * i + 1) * all.len() / (2 * wanted)]) {
+            let tile = &tile[..tile.len().min(left).min(most)];
+            left -= tile.len();
+            if !tile.is_empty() {
+                taken.push(tile.to_vec());
             }
         }
         taken

@@ -100,7 +100,8 @@ impl<'a> Pilot<'a> {
             }
         }
         if family == Family::Exact {
-            let (level, _) = self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), 1)?;
+            let (level, _) =
+                self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), REPEATS)?;
             return Ok(Some(Candidate::exact(level, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;

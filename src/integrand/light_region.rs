@@ -79,9 +79,18 @@ impl LightRegion {
     /// the light that this can touch is in the estimate.
     pub fn vectors(&self, boundary: &[BoundaryArc], solid_angle: f64) -> ([DVec3; 3], f64) {
         const ASIDE: f64 = 1e-8;
-        let (vectors, error) = self.integrate(boundary, solid_angle, self.to_image);
-        if error <= ASIDE * self.brightest {
-            return (vectors, error);
+        // Nearer than this the longitude is rounding. The solid angle need not show it: two lunes of one size between the poles may be
+        // taken for each other.
+        const NEAREST: f64 = 1e-9;
+        let is_at_pole = |w: DVec3| {
+            let w = self.to_image * w;
+            w.x.hypot(w.z) < NEAREST
+        };
+        if !boundary.iter().any(|arc| is_at_pole(arc.start) || is_at_pole(arc.end)) {
+            let (vectors, error) = self.integrate(boundary, solid_angle, self.to_image);
+            if error <= ASIDE * self.brightest {
+                return (vectors, error);
+            }
         }
         let aside = self.to_image * DMat3::from_axis_angle(DVec3::new(0.36, 0.48, 0.8), ASIDE);
         let (vectors, error) = self.integrate(boundary, solid_angle, aside);
@@ -217,6 +226,50 @@ mod tests {
                 BoundaryArc { start, end, normal: start.cross(end).normalize() }
             })
             .collect()
+    }
+
+    /// The region between two meridians, from pole to pole, twice: each as large as the other, and not to be taken for it.
+    #[test]
+    fn lunes_of_one_size_are_not_mistaken_for_each_other() {
+        let turned = environment(48, 24);
+        let upright = Environment::new(48, 24, turned.pixels().to_vec()).unwrap();
+        [turned, upright].iter().for_each(lunes_add_up);
+    }
+
+    fn lunes_add_up(sky: &Environment) {
+        let light = LightRegion::new(sky);
+        let to_scene = light.to_image.transpose();
+        let on_equator = |column: usize| {
+            let (sin, cos) = (PI * (1.0 - 2.0 * column as f64 / 48.0)).sin_cos();
+            DVec3::new(sin, 0.0, cos)
+        };
+        let lune = |first: usize, last: usize| {
+            // Longitudes fall from column to column.
+            let [west, east] = [last, first].map(on_equator);
+            let corners = [DVec3::NEG_Y, east, DVec3::Y, west];
+            let arc = |i: usize| {
+                let (start, end): (DVec3, DVec3) = (to_scene * corners[i], to_scene * corners[(i + 1) % 4]);
+                BoundaryArc { start, end, normal: start.cross(end).normalize() }
+            };
+            (0..4).map(arc).collect::<Vec<_>>()
+        };
+        let totals = |columns: std::ops::Range<usize>| {
+            let pixels = sky.patches(1).enumerate().filter(|(i, _)| columns.contains(&(i % 48)));
+            pixels.fold([DVec3::ZERO; 3], |mut sum, (_, (moment, radiance))| {
+                (0..3).for_each(|colour| sum[colour] += f64::from(radiance[colour]) * moment);
+                sum
+            })
+        };
+        for (a, b) in [(3, 20), (0, 12), (6, 30), (12, 40)] {
+            let boundary = [lune(a, a + 6), lune(b, b + 6)].concat();
+            let (found, error) = light.vectors(&boundary, 2.0 * 4.0 * PI / 8.0);
+            let [one, other] = [totals(a..a + 6), totals(b..b + 6)];
+            for colour in 0..3 {
+                let expected = one[colour] + other[colour];
+                assert!(found[colour].distance(expected) < 1e-6, "{a} {b}: {} {expected}", found[colour]);
+            }
+            assert!(error < 1e-5, "{error:e}");
+        }
     }
 
     /// Solid angle of a spherical triangle.
