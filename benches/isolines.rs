@@ -23,8 +23,9 @@ const LINES: [usize; 3] = [16, 64, 256];
 /// of the slabs, of either sign, do not add up to more than a few of their own size. Measured errors are far smaller.
 const FIRST_ORDER: f64 = 0.5;
 
-/// The same of the sky's light, whose total is pi, and of which a sun that is a tenth wide holds most.
-const FIRST_ORDER_OF_LIGHT: f64 = 4.0;
+/// The same of the sky's light, whose total is pi, and of which a small sun holds most: past an edge it is seen whole or not at all
+/// along few lines, at a share of the receivers.
+const FIRST_ORDER_OF_LIGHT: f64 = 16.0;
 
 /// A scene ready for one number of isolines.
 struct Engine<'a> {
