@@ -80,8 +80,8 @@ pub(super) fn splat_tiles<S: Splat>(pass: &S, sight: Sight, out: &mut HarmonicBu
     }
     let bands = out.groups_mut().par_chunks_mut(row * TILE_ROWS).enumerate().map(|(i, out)| {
         let rows = i * TILE_ROWS..(i * TILE_ROWS + TILE_ROWS).min(receivers.height());
-        let mut reached = vec![false; proxies.len()];
-        (splat_band(pass, sight, rows, len, out, &mut reached), reached)
+        let mut band = Band { pass, sight, rows, len, out, reached: vec![false; proxies.len()] };
+        (band.splat(), band.reached)
     });
     let bands: Vec<_> = bands.collect();
     let mut total = SplatCounts::default();
@@ -94,81 +94,75 @@ pub(super) fn splat_tiles<S: Splat>(pass: &S, sight: Sight, out: &mut HarmonicBu
     total
 }
 
-/// One row of tiles, compiled for AVX2 where the processor has it.
-fn splat_band<S: Splat>(
-    pass: &S,
-    sight: Sight,
+/// One row of tiles.
+struct Band<'a, S> {
+    pass: &'a S,
+    sight: Sight<'a>,
     rows: Range<usize>,
+    /// Lanes of a group in `out`.
     len: usize,
-    out: &mut [Lanes],
-    reached: &mut [bool],
-) -> SplatCounts {
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn avx2<S: Splat>(
-        pass: &S,
-        sight: Sight,
-        rows: Range<usize>,
-        len: usize,
-        out: &mut [Lanes],
-        reached: &mut [bool],
-    ) -> SplatCounts {
-        portable(pass, sight, rows, len, out, reached)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { avx2(pass, sight, rows, len, out, reached) };
-    }
-    portable(pass, sight, rows, len, out, reached)
+    out: &'a mut [Lanes],
+    /// Which proxies reach a tile.
+    reached: Vec<bool>,
 }
 
-#[inline(always)]
-fn portable<S: Splat>(
-    pass: &S,
-    sight: Sight,
-    rows: Range<usize>,
-    len: usize,
-    out: &mut [Lanes],
-    reached: &mut [bool],
-) -> SplatCounts {
-    let Sight { receivers, proxies, rule, coverage } = sight;
-    let mut counts = SplatCounts::default();
-    out.chunks_exact_mut(len).for_each(|out| pass.nothing(out));
-    let mut list: Vec<&Proxy> = Vec::new();
-    for first in (0..receivers.groups()).step_by(TILE_GROUPS) {
-        let groups = first..(first + TILE_GROUPS).min(receivers.groups());
-        counts.tiles += 1;
-        list.clear();
-        if let Some((centre, radius)) = bounds(receivers, rows.clone(), groups.clone()) {
-            for (proxy, reached) in proxies.iter().zip(reached.iter_mut()) {
-                let reach = coverage.reach(proxy.radius) + radius;
-                if proxy.center.distance_squared(centre) < reach * reach {
-                    list.push(proxy);
-                    *reached = true;
-                }
-            }
+impl<S: Splat> Band<'_, S> {
+    /// Compiled for AVX2 where the processor has it.
+    fn splat(&mut self) -> SplatCounts {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            return unsafe { self.splat_avx2() };
         }
-        if list.is_empty() {
-            counts.empty_tiles += 1;
-            continue;
-        }
-        for y in rows.clone() {
-            for column in groups.clone() {
-                let group = Group::load(receivers, receivers.index(column * LANES, y));
-                let mut sum = pass.start();
-                for proxy in &list {
-                    let Some(seen) = group.see(proxy, rule, coverage) else { continue };
-                    counts.pairs += 1;
-                    pass.add(&mut sum, &group, proxy, &seen);
-                }
-                let place = ((y - rows.start) * receivers.groups() + column) * len;
-                pass.finish(&sum, &mut out[place..place + len]);
-            }
-        }
+        self.splat_inline()
     }
-    counts
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn splat_avx2(&mut self) -> SplatCounts {
+        self.splat_inline()
+    }
+
+    #[inline(always)]
+    fn splat_inline(&mut self) -> SplatCounts {
+        let Self { pass, sight, ref rows, len, ref mut out, ref mut reached } = *self;
+        let Sight { receivers, proxies, rule, coverage } = sight;
+        let mut counts = SplatCounts::default();
+        out.chunks_exact_mut(len).for_each(|out| pass.nothing(out));
+        let mut list: Vec<&Proxy> = Vec::new();
+        for first in (0..receivers.groups()).step_by(TILE_GROUPS) {
+            let groups = first..(first + TILE_GROUPS).min(receivers.groups());
+            counts.tiles += 1;
+            list.clear();
+            if let Some((centre, radius)) = bounds(receivers, rows.clone(), groups.clone()) {
+                for (proxy, reached) in proxies.iter().zip(reached.iter_mut()) {
+                    let reach = coverage.reach(proxy.radius) + radius;
+                    if proxy.center.distance_squared(centre) < reach * reach {
+                        list.push(proxy);
+                        *reached = true;
+                    }
+                }
+            }
+            if list.is_empty() {
+                counts.empty_tiles += 1;
+                continue;
+            }
+            for y in rows.clone() {
+                for column in groups.clone() {
+                    let group = Group::load(receivers, receivers.index(column * LANES, y));
+                    let mut sum = pass.start();
+                    for proxy in &list {
+                        let Some(seen) = group.see(proxy, rule, coverage) else { continue };
+                        counts.pairs += 1;
+                        pass.add(&mut sum, &group, proxy, &seen);
+                    }
+                    let place = ((y - rows.start) * receivers.groups() + column) * len;
+                    pass.finish(&sum, &mut out[place..place + len]);
+                }
+            }
+        }
+        counts
+    }
 }
 
 /// A ball around the receivers of a tile, if it has any.

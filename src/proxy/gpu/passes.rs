@@ -305,20 +305,20 @@ impl Passes {
         let groups = groups_of_64(view.count);
         match &self.shadows {
             Shadows::Logarithms { splat, table, exponentiate, linear } => {
-                let splatted = [parameters, receivers, proxies, &self.clipped, table, log, counts];
+                let splatted = [parameters, receivers, proxies, &self.clipped, counts, table, log];
                 splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
                 let exponentiated: Vec<&Buffer> = [parameters, log, visibility].into_iter().chain(linear).collect();
                 exponentiate.run(gpu, encoder, timer, Stage::Exponentiate, &exponentiated, groups);
             }
             Shadows::Product { splat, directions, projection } => {
                 let splatted =
-                    [parameters, receivers, proxies, &self.clipped, directions, projection, visibility, counts];
+                    [parameters, receivers, proxies, &self.clipped, counts, directions, projection, visibility];
                 splat.run(gpu, encoder, timer, Stage::Splat, &splatted, tiles);
             }
         }
         if view.reflects != 0 {
             let (table, reflected) = (&self.indirect_table, &light.reflected);
-            let lit = [parameters, receivers, proxies, &self.clipped, table, reflected, indirect, counts];
+            let lit = [parameters, receivers, proxies, &self.clipped, counts, table, reflected, indirect];
             self.splat_indirect.run(gpu, encoder, timer, Stage::Indirect, &lit, tiles);
         }
         let shaded = [parameters, receivers, transfer, visibility, indirect, &light.product, shading];

@@ -1,16 +1,10 @@
 // Twin of splat_indirect.rs and indirect.rs: irradiance that the proxies in reach reflect, and their solid angle.
 
-@group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
-@group(0) @binding(2) var<storage, read> proxies: array<Proxy>;
-@group(0) @binding(3) var<storage, read> clipped: array<vec2f>;
 // Four vectors a row.
-@group(0) @binding(4) var<storage, read> table: array<vec4f>;
-@group(0) @binding(5) var<uniform> light: Light;
+@group(0) @binding(5) var<storage, read> table: array<vec4f>;
+@group(0) @binding(6) var<uniform> light: Light;
 // R, G, B and the solid angle.
-@group(0) @binding(6) var<storage, read_write> indirect: array<vec4f>;
-// Empty tiles and pairs of tiles and proxies, of this pass from number COUNTED on.
-@group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> indirect: array<vec4f>;
 
 const COUNTED: u32 = 2u;
 
@@ -79,35 +73,22 @@ fn irradiance_per_solid_angle(axis: vec3f, u: f32, normal: vec3f) -> vec3f {
     return sum;
 }
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let inside = id.x < view.width && id.y < view.height;
-    let place = select(0u, id.y * view.width + id.x, inside);
-    let receiver = receivers[place];
-    let is_seen = inside && receiver.depth < NOTHING;
-    let ball = tile_ball(lane, is_seen, receiver.position);
-    var sum = vec4f(0.0);
-    for (var first = 0u; first < view.proxies; first += CHUNK) {
-        tile_list(lane, ball, first, view.proxies, view.indirect_expansion);
-        if is_seen {
-            for (var word = 0u; word < min(WORDS, (view.proxies - first + 31u) / 32u); word++) {
-                var bits = atomicLoad(&tile_mask[word]);
-                while bits != 0u {
-                    let bit = firstTrailingBit(bits);
-                    bits &= bits - 1u;
-                    let proxy = proxies[first + word * 32u + bit];
-                    let seen = see(proxy, receiver.position, receiver.normal, view.indirect_expansion);
-                    if seen.weight > 0.0 {
-                        let solid_angle = seen.u * seen.weight * TAU;
-                        let colours = irradiance_per_solid_angle(seen.axis, seen.u, receiver.normal) * proxy.albedo;
-                        sum += vec4f(colours, 1.0) * solid_angle;
-                    }
-                }
-            }
-        }
-    }
-    tile_count(lane);
-    if inside {
-        indirect[place] = sum;
-    }
+var<private> sum: vec4f;
+
+fn expansion() -> f32 {
+    return view.indirect_expansion;
+}
+
+fn start() {
+    sum = vec4f(0.0);
+}
+
+fn add(proxy: Proxy, seen: Seen, normal: vec3f) {
+    let solid_angle = seen.u * seen.weight * TAU;
+    let colours = irradiance_per_solid_angle(seen.axis, seen.u, normal) * proxy.albedo;
+    sum += vec4f(colours, 1.0) * solid_angle;
+}
+
+fn finish(place: u32) {
+    indirect[place] = sum;
 }
