@@ -6,10 +6,8 @@ mod scene;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
-use dual_bvh::{BuildOptions, DualBvh};
-use scene::Case;
-use silhouette::scene::FaceTree;
+use criterion::{Criterion, criterion_group, criterion_main};
+use scene::{Case, group};
 use silhouette::sphere::Order;
 use silhouette::visibility::{View, Viewer};
 
@@ -67,9 +65,7 @@ impl Engine<'_> {
 fn bench(criterion: &mut Criterion) {
     for (name, count) in SCENES {
         let case = Case::new(name);
-        let (positions, triangles) = (case.geometry.positions.clone(), case.geometry.triangles.clone());
-        let edges = DualBvh::build(positions.clone(), triangles.clone(), &BuildOptions::default()).expect("is clean");
-        let faces = FaceTree::new(positions, triangles);
+        let (edges, faces) = case.searches();
         let tiles = case.tiles(count);
         let count = tiles.iter().map(Vec::len).sum::<usize>();
         let order = Order::new(4).expect("few bands");
@@ -85,10 +81,7 @@ fn bench(criterion: &mut Criterion) {
         let steps: Vec<String> = STEPS.iter().zip(microseconds).map(|(step, us)| format!("{step} {us:.1}")).collect();
         println!("{name}: {count} receivers in {} tiles; us per receiver: {}", tiles.len(), steps.join(", "));
 
-        let mut group = criterion.benchmark_group(name);
-        group.sample_size(10).sampling_mode(SamplingMode::Flat);
-        group.warm_up_time(Duration::from_millis(200)).measurement_time(Duration::from_millis(800));
-        group.throughput(Throughput::Elements(count as u64));
+        let mut group = group(criterion, name, count);
         group.bench_function("exact", |b| b.iter(|| black_box(engine.harmonics(&tiles))));
         group.finish();
     }

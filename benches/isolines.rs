@@ -4,11 +4,10 @@
 mod scene;
 
 use std::hint::black_box;
-use std::time::Duration;
 
-use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
-use dual_bvh::{BuildOptions, DualBvh};
-use scene::Case;
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use dual_bvh::DualBvh;
+use scene::{Case, group};
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
 use silhouette::scene::FaceTree;
 use silhouette::sphere::{Order, hemisphere};
@@ -98,19 +97,14 @@ impl Engine<'_> {
 fn bench(criterion: &mut Criterion) {
     for (name, count) in SCENES {
         let case = Case::new(name);
-        let (positions, triangles) = (case.geometry.positions.clone(), case.geometry.triangles.clone());
-        let edges = DualBvh::build(positions.clone(), triangles.clone(), &BuildOptions::default()).expect("is clean");
-        let faces = FaceTree::new(positions, triangles);
+        let (edges, faces) = case.searches();
         let tiles = case.tiles(count);
         let count = tiles.iter().map(Vec::len).sum::<usize>();
         println!("{name}: {count} receivers in {} tiles", tiles.len());
         let all = tiles.concat();
         let judged = case.judge(&all);
 
-        let mut group = criterion.benchmark_group(name);
-        group.sample_size(10).sampling_mode(SamplingMode::Flat);
-        group.warm_up_time(Duration::from_millis(200)).measurement_time(Duration::from_millis(800));
-        group.throughput(Throughput::Elements(count as u64));
+        let mut group = group(criterion, name, count);
         for lines in LINES {
             let isolines = Isolines::new(lines).expect("an even number");
             let tolerance = FIRST_ORDER / lines as f64;

@@ -1,20 +1,18 @@
 //! What of a bake still holds after something has moved: sound against a bake of the whole new scene.
 
+#[path = "common/scenes.rs"]
+mod scenes;
+
 use glam::{DAffine3, DQuat, DVec3};
+use scenes::Random;
 use silhouette::Arrays;
 use silhouette::bake::{Array, Changes, Method, Outcome, Partial, Provenance, Receivers, Request, integrate};
 use silhouette::scene::{Geometry, GeometryBuilder, shapes};
 
-/// A deterministic number in [0, 1).
-fn random(state: &mut u64) -> f64 {
-    *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-    (*state >> 11) as f64 / (1u64 << 53) as f64
-}
-
 /// A floor, a wall of one face each way across it, and small boxes on both sides; the last `moved` of them stand elsewhere if
 /// `after`.
 fn scene(seed: u64, moved: usize, after: bool) -> Geometry {
-    let mut state = seed;
+    let mut random = Random(seed);
     let mut builder = GeometryBuilder::default();
     let floor = shapes::Plane { size: [12.0; 2], divisions: [24; 2] };
     builder.add(floor.mesh().unwrap(), DAffine3::IDENTITY).unwrap();
@@ -22,8 +20,8 @@ fn scene(seed: u64, moved: usize, after: bool) -> Geometry {
     builder.add(wall.mesh().unwrap(), DAffine3::from_translation(DVec3::new(0.0, 3.001, 0.0))).unwrap();
     let count = 12;
     for i in 0..count {
-        let [x, z, turn, size] = [(); 4].map(|()| random(&mut state));
-        let [dx, dz, lift] = [(); 3].map(|()| random(&mut state) - 0.5);
+        let [x, z, turn, size] = [(); 4].map(|()| random.between(0.0, 1.0));
+        let [dx, dz, lift] = [(); 3].map(|()| random.between(-0.5, 0.5));
         let side = if i % 2 == 0 || i + moved >= count { 1.0 } else { -1.0 };
         let mut place = DVec3::new(side * (1.0 + 4.0 * x), 0.7, 9.0 * z - 4.5);
         if after && i + moved >= count {

@@ -1,9 +1,14 @@
 //! What the benchmarks look at, and the check that what they time is right.
 #![allow(dead_code, reason = "each benchmark takes what it needs")]
 
+use std::time::Duration;
+
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput};
+use dual_bvh::{BuildOptions, DualBvh};
 use silhouette::bake::{Receivers, TILE_RADIUS, tiles};
 use silhouette::reference::{Light, PixelDistribution, Qmc, RayScene, Request};
-use silhouette::scene::{Environment, Geometry, Scene};
+use silhouette::scene::{Environment, FaceTree, Geometry, Scene};
 use silhouette::sphere::Order;
 
 /// A built-in scene with its vertices as receivers.
@@ -22,6 +27,13 @@ impl Case {
             geometry: scene.geometry,
             receivers,
         }
+    }
+
+    /// What finds contours, and the faces along a ray.
+    pub fn searches(&self) -> (DualBvh, FaceTree) {
+        let (positions, triangles) = (self.geometry.positions.clone(), self.geometry.triangles.clone());
+        let edges = DualBvh::build(positions.clone(), triangles.clone(), &BuildOptions::default()).expect("is clean");
+        (edges, FaceTree::new(positions, triangles))
     }
 
     /// Tiles of a bake of all vertices, spread evenly over it, that hold about `count` receivers. Where few would, more are taken and
@@ -74,6 +86,15 @@ impl Case {
             light: kind(columns.vector_irradiance),
         }
     }
+}
+
+/// A group of benchmarks, each of which handles so many receivers.
+pub fn group<'a>(criterion: &'a mut Criterion, name: &str, receivers: usize) -> BenchmarkGroup<'a, WallTime> {
+    let mut group = criterion.benchmark_group(name);
+    group.sample_size(10).sampling_mode(SamplingMode::Flat);
+    group.warm_up_time(Duration::from_millis(200)).measurement_time(Duration::from_millis(800));
+    group.throughput(Throughput::Elements(receivers as u64));
+    group
 }
 
 /// What independent rays say.

@@ -1,4 +1,4 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -76,7 +76,7 @@ impl Earlier {
             return Err(Error::file(&self.path, message));
         }
         let part = self.changes.still_valid(&self.arrays, receivers, expected);
-        let part = part.map_err(|error| Error::file(Path::new(&self.path), error))?;
+        let part = part.map_err(|error| Error::file(&self.path, error))?;
         if !quiet {
             let (kept, all) = (part.finished(), receivers.len());
             say(format_args!("{kept} of {all} receivers are kept, {} are computed anew", all - kept));

@@ -82,15 +82,12 @@ impl LightTable {
     /// The light of line `line` in the quadrant and between the fractions of an interval, times `factor`, added to `out`.
     #[inline(always)]
     fn add(&self, axis: usize, line: usize, interval: Interval, factor: f64, out: &mut [f64; 9]) {
-        let arc = &self.axes[axis][(line * 4 + interval.quadrant) * (self.cells + 1)..][..self.cells + 1];
-        for (to, factor) in [(interval.to, factor), (interval.from, -factor)] {
-            if to == 0.0 {
+        for (end, factor) in [(interval.to, factor), (interval.from, -factor)] {
+            if end == 0.0 {
                 continue;
             }
-            let at = to * self.cells as f64;
-            let cell = (at as usize).min(self.cells - 1);
-            let part = at - cell as f64;
-            for (out, (low, high)) in out.iter_mut().zip(arc[cell].iter().zip(&arc[cell + 1])) {
+            let ([lows, highs], part) = self.cell(axis, line, interval.quadrant, end);
+            for (out, (low, high)) in out.iter_mut().zip(lows.iter().zip(highs)) {
                 *out += factor * (low + (high - low) * part);
             }
         }
@@ -98,13 +95,21 @@ impl LightTable {
 
     /// The squares of the light in the cells in which an interval begins and ends, times `factor`, added to `out`.
     fn add_squares(&self, axis: usize, line: usize, interval: Interval, factor: f64, out: &mut [f64; 9]) {
-        let arc = &self.axes[axis][(line * 4 + interval.quadrant) * (self.cells + 1)..][..self.cells + 1];
         for end in [interval.from, interval.to] {
-            let cell = ((end * self.cells as f64) as usize).min(self.cells - 1);
-            for (out, (low, high)) in out.iter_mut().zip(arc[cell].iter().zip(&arc[cell + 1])) {
+            let ([lows, highs], _) = self.cell(axis, line, interval.quadrant, end);
+            for (out, (low, high)) in out.iter_mut().zip(lows.iter().zip(highs)) {
                 *out += factor * (high - low).powi(2);
             }
         }
+    }
+
+    /// The sums before and behind the cell in which a fraction of a quadrant lies, and how far along the cell.
+    #[inline(always)]
+    fn cell(&self, axis: usize, line: usize, quadrant: usize, fraction: f64) -> ([&[f64; 9]; 2], f64) {
+        let arc = &self.axes[axis][(line * 4 + quadrant) * (self.cells + 1)..][..self.cells + 1];
+        let at = fraction * self.cells as f64;
+        let cell = (at as usize).min(self.cells - 1);
+        ([&arc[cell], &arc[cell + 1]], at - cell as f64)
     }
 }
 

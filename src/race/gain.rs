@@ -1,5 +1,3 @@
-use cpu_time::ProcessTime;
-
 use crate::bake::{Control, Method, Prepared, Request, Skips, Unmoved};
 use crate::{Error, Result};
 
@@ -34,20 +32,13 @@ impl Gain {
         let request = Request { ambient_occlusion: true, ..Request::default() };
         let mut run = |skips: Skips| {
             prepared.set_skips(skips);
-            let clock = ProcessTime::try_now();
             let method = Method::Isolines { lines: LINES };
             let outcome = prepared.integrate(&track.receivers, &request, method, None, &Unmoved(control))?;
             if outcome.done.iter().any(|done| !done) {
                 return Err(Error::Interrupted);
             }
-            let seconds = match clock.and_then(|clock| clock.try_elapsed()) {
-                Ok(time) => time.as_secs_f64(),
-                Err(_) => outcome.statistics.processor_seconds,
-            };
-            Ok((seconds / track.receivers.len().max(1) as f64, outcome.arrays))
+            Ok((outcome.statistics.processor_seconds / track.receivers.len().max(1) as f64, outcome.arrays))
         };
-        // The first run builds what all search in.
-        run(Skips::default())?;
         let (mut with, expected) = run(Skips::default())?;
         let mut gains: Vec<Self> = Vec::new();
         for _ in 0..ROUNDS {

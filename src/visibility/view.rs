@@ -106,21 +106,12 @@ impl Viewer<'_> {
         }
     }
 
-    /// Finds all contours of a receiver among those approached.
-    pub fn find(&self, receiver: Receiver, view: &mut View) {
+    /// Finds and projects all contours of a receiver among those approached, which may then [`follow`](Self::follow) or
+    /// [`solve`](Self::solve).
+    pub fn face(&self, Receiver { position, normal, excluded }: Receiver, view: &mut View) {
         self.search(view);
-        view.candidates.contours(receiver.position, receiver.excluded, &mut view.contours);
-    }
-
-    /// Projects the contours just found.
-    pub fn project(&self, Receiver { position, normal, .. }: Receiver, view: &mut View) {
+        view.candidates.contours(position, excluded, &mut view.contours);
         view.projected.project(&view.candidates, &view.contours, position, normal);
-    }
-
-    /// Finds and projects the contours of a receiver, which may then [`follow`](Self::follow) or [`solve`](Self::solve).
-    pub fn face(&self, receiver: Receiver, view: &mut View) {
-        self.find(receiver, view);
-        self.project(receiver, view);
     }
 
     /// What a receiver among those approached sees along the meridians: the [`View::spans`], if it sees a part.
@@ -284,7 +275,7 @@ mod tests {
     /// Compares the spans with counted rays at points of every meridian.
     fn spans_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
         let meridians = Meridians::new(14).unwrap();
-        viewer.find(receiver, view);
+        viewer.search(view);
         for second in [false, true] {
             let frame = MeridianFrame::facing(receiver.normal, second);
             portable_crossings_are_the_same(&meridians, frame, receiver, view);
