@@ -205,14 +205,6 @@ impl Masks<'_> {
         // The bands that the vertex's edges come into.
         let (mut first, mut last) = (band, band);
         let mut balance = 0;
-        // Nothing depends on the order of the contours.
-        let place = |id: u32| (self.edges.edges[id as usize].start, self.edges.edges[id as usize].normal.x.to_bits());
-        match ends {
-            [] | [_] => {}
-            [one, other] if place(*one) <= place(*other) => {}
-            [one, other] => std::mem::swap(one, other),
-            _ => ends.sort_unstable_by_key(|&id| place(id)),
-        }
         for end in &mut *ends {
             *end = chains[*end as usize];
             let chain = &bands.chains[*end as usize];
