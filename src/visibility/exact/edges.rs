@@ -132,6 +132,34 @@ impl Edges {
         chart: &Chart,
         lenient: bool,
     ) -> Result<(), MeetsPole> {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.fill_avx2(contours, horizon, chart, lenient) };
+        }
+        self.fill_inline(contours, horizon, chart, lenient)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn fill_avx2(
+        &mut self,
+        contours: &ReceiverContours,
+        horizon: Option<DVec3>,
+        chart: &Chart,
+        lenient: bool,
+    ) -> Result<(), MeetsPole> {
+        self.fill_inline(contours, horizon, chart, lenient)
+    }
+
+    #[inline(always)]
+    fn fill_inline(
+        &mut self,
+        contours: &ReceiverContours,
+        horizon: Option<DVec3>,
+        chart: &Chart,
+        lenient: bool,
+    ) -> Result<(), MeetsPole> {
         self.collect(contours, horizon.is_some(), chart);
         self.sort();
 
@@ -172,13 +200,13 @@ impl Edges {
             }
             steepest = steepest.max(jump.unsigned_abs());
             let mut edge = Edge { start: first, ..Edge::new(normal, jump, source) };
-            (edge.first_band, edge.last_band) = latitudes.range(start, end);
+            (edge.first_band, edge.last_band) = latitudes.range(start, end, cosine);
             let mut last = place;
             if wraps {
                 let at_seam = on_seam(normal);
-                (edge.first_band, edge.last_band) = latitudes.range(start, at_seam);
+                (edge.first_band, edge.last_band) = latitudes.range(start, at_seam, start.dot(at_seam));
                 edges[place as usize] = edge;
-                (edge.first_band, edge.last_band) = latitudes.range(at_seam, end);
+                (edge.first_band, edge.last_band) = latitudes.range(at_seam, end, at_seam.dot(end));
                 edge.start = SEAM;
                 seam -= 1;
                 last = seam;
@@ -193,6 +221,7 @@ impl Edges {
 
     /// Puts the arcs in the order of their vertices' ranks; the first edge's number is given. Before, `starts` has the number of
     /// those that start at each vertex.
+    #[inline(always)]
     fn arrange(&mut self, first: u32) {
         let mut place = first;
         for next_place in &mut self.starts {
@@ -255,6 +284,7 @@ impl Edges {
     }
 
     /// Lists the arcs to keep and their vertices, in the order of the contours.
+    #[inline(always)]
     fn collect(&mut self, contours: &ReceiverContours, has_horizon: bool, chart: &Chart) {
         self.bad = 0;
         self.spans.clear();
@@ -293,6 +323,7 @@ impl Edges {
     }
 
     /// Puts the vertices in the order of the sweep, and chooses bands.
+    #[inline(always)]
     fn sort(&mut self) {
         let unsorted = &self.unsorted[..];
         self.vertices.clear();

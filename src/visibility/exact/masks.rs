@@ -226,11 +226,11 @@ impl Masks<'_> {
         let depth = self.depth_at_pole + bands.jumps_above(band);
         for &id in &*ends {
             bands.chains[id as usize].is_doubtful |= is_near;
-            // Those that end here too, above it.
-            let siblings = ends
-                .iter()
-                .map(|&other| bands.chains[other as usize].jump * i32::from(bands.was_above(id, other, band)));
-            let depth_above = depth + siblings.sum::<i32>();
+            let mut depth_above = depth;
+            for &other in ends.iter().filter(|&&other| other != id) {
+                // It ends here too, above.
+                depth_above += bands.chains[other as usize].jump * i32::from(bands.was_above(id, other, band));
+            }
             let ending = Ending {
                 id,
                 crossed: bands.cross(id),
