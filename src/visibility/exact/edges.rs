@@ -97,10 +97,9 @@ pub(super) struct Edges {
     pub latitudes: Latitudes,
     /// One over the lengths of the vertices' directions.
     inverses: Vec<f64>,
-    /// Both by first use.
+    /// Both in the order of the contours.
     unsorted: Vec<(Vertex, f64)>,
-    /// From the contours' directions to `unsorted`, and from there to `vertices`.
-    places: Vec<u32>,
+    /// From there to `vertices`.
     ranks: Vec<u32>,
     order: Ranks,
     spans: Vec<Span>,
@@ -108,7 +107,7 @@ pub(super) struct Edges {
     arranged: Vec<Span>,
 }
 
-/// An arc of the contours that is not left out, by its vertices: by their places among the unsorted, then by their ranks.
+/// An arc of the contours that is not left out, by its vertices: by their places in the contours, then by their ranks.
 #[derive(Clone, Copy, Debug, Default)]
 struct Span {
     arc: u32,
@@ -283,43 +282,29 @@ impl Edges {
         }
     }
 
-    /// Lists the arcs to keep and their vertices, in the order of the contours.
+    /// Lists the vertices, and the arcs to keep, in the order of the contours.
     #[inline(always)]
     fn collect(&mut self, contours: &ReceiverContours, has_horizon: bool, chart: &Chart) {
         self.bad = 0;
-        self.spans.clear();
         self.unsorted.clear();
-        self.places.clear();
-        self.places.resize(contours.directions.len(), NIL);
-        let height = |v: u32| if has_horizon { contours.heights[v as usize] } else { 1.0 };
-        self.unsorted.reserve(contours.directions.len());
-        for (arc, &Arc { a, b, .. }) in contours.arcs.iter().enumerate() {
-            let heights = (height(a), height(b));
-            if (heights.0 <= 0.0) & (heights.1 <= 0.0) {
-                continue;
-            }
-            let first = self.enter(contours.directions[a as usize], heights.0, a, chart);
-            let second = self.enter(contours.directions[b as usize], heights.1, b, chart);
-            if [first, second].iter().any(|&place| self.unsorted[place as usize].1 == NO_LENGTH) {
-                self.bad += 1;
-                continue;
-            }
-            self.spans.push(Span { arc: arc as u32, first, second, is_forward: true, wraps: false });
-        }
-    }
-
-    /// The place of a vertex among the unsorted, which it gets at its first use.
-    #[inline(always)]
-    fn enter(&mut self, direction: DVec3, height: f64, vertex: u32, chart: &Chart) -> u32 {
-        let place = &mut self.places[vertex as usize];
-        if *place == NIL {
-            *place = self.unsorted.len() as u32;
+        self.unsorted.extend(contours.directions.iter().zip(&contours.heights).map(|(&direction, &height)| {
             let (direction, inverse) = unit(direction);
             let position = chart.local(direction);
             let azimuth = azimuth(position.x, position.y);
-            self.unsorted.push((Vertex { position, azimuth, height }, inverse));
+            (Vertex { position, azimuth, height: if has_horizon { height } else { 1.0 } }, inverse)
+        }));
+        self.spans.clear();
+        for (arc, &Arc { a, b, .. }) in contours.arcs.iter().enumerate() {
+            let [(first, from), (second, to)] = [a, b].map(|v| &self.unsorted[v as usize]);
+            if (first.height <= 0.0) & (second.height <= 0.0) {
+                continue;
+            }
+            if (*from == NO_LENGTH) | (*to == NO_LENGTH) {
+                self.bad += 1;
+                continue;
+            }
+            self.spans.push(Span { arc: arc as u32, first: a, second: b, is_forward: true, wraps: false });
         }
-        *place
     }
 
     /// Puts the vertices in the order of the sweep, and chooses bands.

@@ -181,6 +181,9 @@ impl Masks<'_> {
     /// Any number of edges end and start at a vertex.
     #[inline(always)]
     fn branch(&mut self, vertex: &Vertex, mut ended: u32, starts: Range<u32>) -> Result<(), Doubt> {
+        if ended == NIL && starts.is_empty() {
+            return Ok(());
+        }
         let ends = &mut self.buffers.ends;
         ends.clear();
         while ended != NIL {
