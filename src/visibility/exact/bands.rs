@@ -1,6 +1,6 @@
 //! Active chains by latitude: a vertex is compared with those that come near its latitude alone.
 
-use std::ops::RangeInclusive;
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -41,7 +41,7 @@ impl Bands {
 
     /// Asks the edges in some bands which of them pass above a unit vector; whether that is in doubt for one.
     #[inline(always)]
-    pub fn look(&mut self, edges: &Edges, position: DVec3, bands: RangeInclusive<usize>) -> bool {
+    pub fn look(&mut self, edges: &Edges, position: DVec3, bands: Range<usize>) -> bool {
         let mut is_near = false;
         let rounded = position.as_vec3();
         for slots in &mut self.slots[bands] {
@@ -124,7 +124,7 @@ impl Bands {
             let slot = self.slot(id, band);
             self.slots[band].remove(slot);
         }
-        for band in new.clone() {
+        for band in new.start..new.end {
             let slot = self.slot(id, band);
             let is_old = old.contains(&band);
             if is_old && !self.slots[band].is_astray(slot) {
@@ -136,10 +136,10 @@ impl Bands {
                 self.enter(id, &next, band);
             }
         }
-        if old.end() < new.end() {
-            self.jumps_above[old.end() + 1..=*new.end()].iter_mut().for_each(|sum| *sum -= next.jump);
+        if old.end < new.end {
+            self.jumps_above[old.end..new.end].iter_mut().for_each(|sum| *sum -= next.jump);
         } else {
-            self.jumps_above[new.end() + 1..=*old.end()].iter_mut().for_each(|sum| *sum += next.jump);
+            self.jumps_above[new.end..old.end].iter_mut().for_each(|sum| *sum += next.jump);
         }
     }
 

@@ -159,9 +159,9 @@ impl Masks<'_> {
         let started_edge = &self.edges.edges[started as usize];
         let chain = &bands.chains[id as usize];
         let first = chain.first_band.min(started_edge.first_band).into();
-        let last = chain.last_band.max(started_edge.last_band).into();
+        let last = usize::from(chain.last_band.max(started_edge.last_band));
         bands.hide(id);
-        let is_near = bands.look(self.edges, vertex.position, first..=last);
+        let is_near = bands.look(self.edges, vertex.position, first..last + 1);
         bands.chains[id as usize].is_doubtful |= is_near;
         let depth = self.depth_at_pole + bands.jumps_above(self.edges.latitudes.band(vertex.position.z));
         let ending = Ending {
@@ -224,8 +224,10 @@ impl Masks<'_> {
         if balance != 0 && is_above_horizon {
             return Err(Doubt);
         }
-        ends.iter().for_each(|&id| bands.remove(id));
-        let is_near = bands.look(self.edges, vertex.position, first.into()..=last.into());
+        for &id in &*ends {
+            bands.remove(id);
+        }
+        let is_near = bands.look(self.edges, vertex.position, first.into()..usize::from(last) + 1);
         let depth = self.depth_at_pole + bands.jumps_above(band);
         for &id in &*ends {
             bands.chains[id as usize].is_doubtful |= is_near;
