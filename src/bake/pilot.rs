@@ -6,6 +6,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use super::plan::{Candidate, Family, Law};
 use super::tiles::TILE_RECEIVERS;
 use super::{Arrays, Control, Method, Outcome, Prepared, Receivers, Request, Unmoved};
+use crate::reference::{EmbreeKernel, EmbreeVariant};
 use crate::{Error, Result};
 
 /// A few receivers on which methods are measured before one is chosen for all.
@@ -19,6 +20,8 @@ pub(super) struct Pilot<'a> {
     tiles: Receivers,
     /// Where there is nothing but the method to measure.
     alone: ThreadPool,
+    /// The faster way to hand rays to Embree here.
+    kernel: EmbreeKernel,
     /// The best values so far.
     reference: Option<Arrays>,
     built: Vec<(Family, f64)>,
@@ -71,6 +74,7 @@ impl<'a> Pilot<'a> {
             scattered: receivers.pick(spread(receivers.len(), wanted)),
             tiles: receivers.pick(neighbourhoods(&receivers.positions, wanted)),
             alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
+            kernel: EmbreeKernel::default(),
             reference: None,
             built: Vec::new(),
             lines: None,
@@ -81,6 +85,17 @@ impl<'a> Pilot<'a> {
     /// Seconds it took to build what `family` searches in.
     pub(super) fn built(&self, family: Family) -> f64 {
         self.built.iter().filter(|(built, _)| *built == family).map(|(_, seconds)| seconds).sum()
+    }
+
+    /// A family's member as it is measured here.
+    pub(super) fn method(&self, family: Family, count: u32) -> Method {
+        match family.method(count) {
+            Method::Embree { samples, seed, variant } => {
+                let variant = EmbreeVariant { kernel: self.kernel, ..variant };
+                Method::Embree { samples, seed, variant }
+            }
+            method => method,
+        }
     }
 
     /// Receivers that are measured.
@@ -94,15 +109,18 @@ impl<'a> Pilot<'a> {
         self.prepared.build(family, &self.tiles)?;
         self.built.push((family, started.elapsed().as_secs_f64()));
         let [coarse, fine] = family.levels();
+        if family == Family::Embree {
+            self.choose_kernel(coarse)?;
+        }
         for &(receivers, share) in family.looks() {
             let look = self.tiles.pick(0..self.tiles.len().min(receivers));
-            let seconds = self.measure(family.method(coarse), coarse, &look, REPEATS)?.0.seconds;
+            let seconds = self.measure(self.method(family, coarse), coarse, &look, REPEATS)?.0.seconds;
             if share * family.least(aim, f64::from(coarse)) * seconds * all as f64 > best {
                 return Ok(None);
             }
         }
         if family == Family::Exact {
-            let (level, _) = self.measure(family.method(coarse), coarse, &self.tiles, REPEATS)?;
+            let (level, _) = self.measure(self.method(family, coarse), coarse, &self.tiles, REPEATS)?;
             return Ok(Some(Candidate::exact(level, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;
@@ -118,6 +136,21 @@ impl<'a> Pilot<'a> {
         coarse.rmse = coarse.stated / caution;
         self.rays = Some((family, [(coarse, coarse_values), (fine, fine_values)]));
         Ok(Some(self.revised_rays(aim, all).unwrap_or_else(|| Law::new(family, [coarse, fine]).candidate(aim, all))))
+    }
+
+    fn choose_kernel(&mut self, count: u32) -> Result<()> {
+        let mut least = f64::INFINITY;
+        for kernel in [EmbreeKernel::Packets, EmbreeKernel::Streams] {
+            let other = std::mem::replace(&mut self.kernel, kernel);
+            let method = self.method(Family::Embree, count);
+            let seconds = self.measure(method, count, &self.tiles, REPEATS)?.0.seconds;
+            if seconds < least {
+                least = seconds;
+            } else {
+                self.kernel = other;
+            }
+        }
+        Ok(())
     }
 
     /// What rays promise, now that isolines have told how wrong they are.
@@ -153,13 +186,13 @@ impl<'a> Pilot<'a> {
         aim: f64,
         all: usize,
     ) -> Result<Option<Candidate>> {
-        let Some((family, levels)) = &self.rays else { return Ok(None) };
-        let law = Law::new(*family, [levels[0].0, levels[1].0]);
+        let Some((family, [coarse, fine])) = &self.rays else { return Ok(None) };
+        let (family, law) = (*family, Law::new(*family, [coarse.0, fine.0]));
         let (better, rays) = match &self.reference {
             Some(lines) => (lines.clone(), f64::INFINITY),
             None => {
                 let count = promised.count.saturating_mul(BETTER);
-                let other_rays = match family.method(count) {
+                let other_rays = match self.method(family, count) {
                     Method::Qmc { samples, seed } => Method::Qmc { samples, seed: seed + 1 },
                     Method::Embree { samples, seed, variant } => Method::Embree { samples, seed: seed + 1, variant },
                     method => method,
@@ -168,7 +201,7 @@ impl<'a> Pilot<'a> {
             }
         };
         let error = |count: u32| {
-            let (_, values) = self.measure(family.method(count), count, &self.scattered, 1)?;
+            let (_, values) = self.measure(self.method(family, count), count, &self.scattered, 1)?;
             // Less what the better ones lack themselves.
             let share = (1.0 + (f64::from(count) / rays).powf(1.5)).sqrt().recip();
             Ok::<_, Error>(share * difference(&values, &better))
@@ -190,8 +223,8 @@ impl<'a> Pilot<'a> {
 
     /// Time of neighbours, errors and values of scattered receivers.
     fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
-        let (errors, arrays) = self.measure(family.method(count), count, &self.scattered, 1)?;
-        let (time, _) = self.measure(family.method(count), count, &self.tiles, REPEATS)?;
+        let (errors, arrays) = self.measure(self.method(family, count), count, &self.scattered, 1)?;
+        let (time, _) = self.measure(self.method(family, count), count, &self.tiles, REPEATS)?;
         Ok((Level { stated: errors.stated, ..time }, arrays))
     }
 

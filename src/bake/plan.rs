@@ -324,7 +324,7 @@ impl Prepared<'_> {
         }
         let best = &candidates[0];
         Ok(Plan {
-            method: best.family.method(best.count),
+            method: pilot.method(best.family, best.count),
             report: PlanReport {
                 error: goal.error,
                 expected_error: best.expected_error,
