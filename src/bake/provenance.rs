@@ -32,21 +32,24 @@ impl Provenance {
         match method {
             Method::Isolines { lines } => provenance.with("isolines", lines),
             Method::Exact => provenance,
-            Method::Qmc { samples, seed } | Method::Embree { samples, seed, .. } => {
-                provenance.with("samples", samples).with("seed", seed)
+            Method::Qmc { samples, seed } => provenance.with("samples", samples).with("seed", seed),
+            Method::Embree { samples, seed, variant } => {
+                provenance.with("samples", samples).with("seed", seed).with("variant", variant)
             }
         }
     }
 
     /// The method with its settings, as [`Provenance::of`] has noted it.
     pub fn integrated_by(&self) -> Option<Method> {
-        let number = |name: &str| self.parameters.iter().find(|fact| fact.0 == name)?.1.parse().ok();
+        let text = |name: &str| self.parameters.iter().find(|fact| fact.0 == name).map(|fact| fact.1.as_str());
+        let number = |name: &str| text(name)?.parse().ok();
         Some(match self.method.as_str() {
             "isolines" => Method::Isolines { lines: number("isolines")? },
             "exact" => Method::Exact,
             "qmc" => Method::Qmc { samples: number("samples")?, seed: number("seed")? },
             "embree" => {
-                let variant = EmbreeVariant::default();
+                let noted = text("variant")?;
+                let variant = EmbreeVariant::ALL.into_iter().find(|variant| variant.to_string() == noted)?;
                 Method::Embree { samples: number("samples")?, seed: number("seed")?, variant }
             }
             _ => return None,
@@ -124,13 +127,9 @@ mod tests {
 
     #[test]
     fn methods_are_read_back() {
-        let variant = EmbreeVariant::default();
-        for method in [
-            Method::Isolines { lines: 12 },
-            Method::Exact,
-            Method::Qmc { samples: 64, seed: 3 },
-            Method::Embree { samples: 64, seed: 3, variant },
-        ] {
+        let with_rays = EmbreeVariant::ALL.map(|variant| Method::Embree { samples: 64, seed: 3, variant });
+        let others = [Method::Isolines { lines: 12 }, Method::Exact, Method::Qmc { samples: 64, seed: 3 }];
+        for method in others.into_iter().chain(with_rays) {
             assert_eq!(Provenance::of(method).with("order", 4).integrated_by(), Some(method));
         }
         assert_eq!(Provenance::new("isolines").integrated_by(), None);

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 
 use super::morton::{MORTON_BITS, morton};
 
-/// Faces in groups of at most [`FaceGroups::MOST`] neighbours: the leaves of a tree that then has a third as many nodes to
+/// Faces in groups of at most [`FaceGroups::MOST`] neighbours: the leaves of a tree that then has a sixth as many nodes to
 /// build and to keep as one over single faces.
 ///
 /// The faces stand in the order of the Morton codes of their centres, cut where the highest bit changes until no group is
@@ -17,7 +17,7 @@ pub(super) struct FaceGroups {
 
 impl FaceGroups {
     /// Most faces in a group: their test costs more than a box's.
-    pub(super) const MOST: usize = 4;
+    pub(super) const MOST: usize = 8;
 
     /// Groups the faces `triangles`, which index into `positions`.
     pub(super) fn new(positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
@@ -91,6 +91,6 @@ mod tests {
     fn equal_and_no_faces() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
         assert!(group(&positions, &[]).is_empty());
-        assert_eq!(group(&positions, &[[0, 1, 2]; 9]).iter().map(Vec::len).collect::<Vec<_>>(), [4, 2, 3]);
+        assert_eq!(group(&positions, &[[0, 1, 2]; 17]).iter().map(Vec::len).collect::<Vec<_>>(), [8, 4, 5]);
     }
 }
