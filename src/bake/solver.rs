@@ -374,11 +374,11 @@ impl Baker for Solver<'_> {
         let mut counts = Counts::default();
         let together = if self.skips.shared_searches { tile.len() } else { 1 };
         for (tile, rows) in tile.chunks(together).zip(rows.chunks_mut(together * self.layout.width)) {
-            let receivers = tile.iter().map(|&index| receivers.get(index as usize));
+            let neighbours = tile.iter().map(|&index| receivers.get(index as usize));
             if self.skips.below_horizon {
-                self.viewer.approach(receivers.clone(), &mut memory.view);
+                self.viewer.approach(neighbours.clone(), &mut memory.view);
             } else {
-                let all_around = receivers.clone().map(|receiver| Receiver { normal: None, ..receiver });
+                let all_around = neighbours.clone().map(|receiver| Receiver { normal: None, ..receiver });
                 self.viewer.approach(all_around, &mut memory.view);
             }
             if self.assembly.textured.is_some() {
@@ -386,8 +386,8 @@ impl Baker for Solver<'_> {
                 self.viewer.search(&mut memory.view);
             }
             counts.shared_searches += tile.len() as u64 - 1;
-            for ((&index, receiver), row) in tile.iter().zip(receivers).zip(rows.chunks_exact_mut(self.layout.width)) {
-                counts += self.receiver(index as usize, receiver, row, memory)?;
+            for ((&index, receiver), row) in tile.iter().zip(neighbours).zip(rows.chunks_exact_mut(self.layout.width)) {
+                counts += self.receiver(receivers.number(index as usize), receiver, row, memory)?;
             }
         }
         Ok(counts)
