@@ -362,17 +362,46 @@ fn skips_change_no_bit() {
 fn the_order_of_receivers_changes_no_bit() {
     let (geometry, environment, receivers) = shared();
     let mut random = Random(6);
-    let mut order: Vec<usize> = (0..receivers.len()).collect();
-    for i in (1..order.len()).rev() {
-        order.swap(i, random.between(0.0, (i + 1) as f64) as usize);
-    }
-    let permuted = Receivers::points(order.iter().map(|&i| (receivers.positions[i], receivers.normals[i])));
-    let [a, b] =
-        [&receivers, &permuted].map(|receivers| run(&geometry, Some(&environment), receivers, ORDER, ISOLINES).arrays);
-    for (a, b) in a.iter().zip(b.iter()) {
-        let width = a.data.len() / order.len();
-        for (to, &from) in order.iter().enumerate() {
-            assert_eq!(a.data[from * width..][..width], b.data[to * width..][..width], "{} of {from}", a.name);
+    // Many vertices in line with each other for the receivers in the middle; and crowds of contours.
+    let boxes = (0..27).map(|k| {
+        let place = DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9)) - 1.0;
+        let cube = Cuboid { size: [0.5; 3], divisions: 2 }.mesh().unwrap();
+        cube.transformed(glam::DAffine3::from_translation(place))
+    });
+    let boxes = assembled(boxes, DQuat::IDENTITY);
+    let knots = (0..4).map(|_| {
+        let place = glam::DAffine3::from_rotation_translation(random.rotation(), random.direction());
+        knot(2000).transformed(place)
+    });
+    let knots = assembled(knots.collect::<Vec<_>>(), DQuat::IDENTITY);
+    let between = Receivers::points((0..125).map(|k| {
+        let place = DVec3::new(f64::from(k % 5), f64::from(k / 5 % 5), f64::from(k / 25)) / 4.0 - 0.625;
+        (place, if k % 2 == 0 { DVec3::Y } else { random.direction() })
+    }));
+    for (geometry, receivers, light, methods) in [
+        (&geometry, &receivers, Some(&environment), &[ISOLINES, Method::Exact][..]),
+        (&boxes, &between, None, &[Method::Exact]),
+        (&knots, &between, None, &[Method::Exact]),
+    ] {
+        let mut order: Vec<usize> = (0..receivers.len()).collect();
+        for i in (1..order.len()).rev() {
+            order.swap(i, random.between(0.0, (i + 1) as f64) as usize);
+        }
+        // Half of them alone have other tiles.
+        for count in [order.len(), order.len() / 2] {
+            let order = &order[..count];
+            let permuted = Receivers::points(order.iter().map(|&i| (receivers.positions[i], receivers.normals[i])));
+            for &method in methods {
+                let [a, b] =
+                    [receivers, &permuted].map(|receivers| run(geometry, light, receivers, ORDER, method).arrays);
+                for (a, b) in a.iter().zip(b.iter()) {
+                    let width = b.data.len() / order.len();
+                    for (to, &from) in order.iter().enumerate() {
+                        let (row, again) = (&a.data[from * width..][..width], &b.data[to * width..][..width]);
+                        assert_eq!(row, again, "{} of {from}, {method}", a.name);
+                    }
+                }
+            }
         }
     }
 }

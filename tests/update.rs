@@ -65,13 +65,7 @@ fn what_is_kept_is_what_a_whole_bake_finds() {
         assert_eq!(updated.statistics.receivers as usize, receivers.len() - kept);
         assert_eq!(updated.statistics.skipped["finished_before"] as usize, kept);
         let whole = bake(&after, &receivers, method, None);
-        for array in whole.arrays.iter().filter(|array| !array.name.ends_with("_error")) {
-            let found = updated.arrays.get(&array.name).unwrap();
-            for (i, (a, b)) in array.data.iter().zip(&found.data).enumerate() {
-                // Other numbers of the vertices turn edges around, other tiles change their order: rounding.
-                assert!((a - b).abs() <= 1e-11, "seed {seed}: {} at {i}: {a} {b}", array.name);
-            }
-        }
+        assert!(updated.arrays == whole.arrays, "seed {seed}");
     }
 }
 

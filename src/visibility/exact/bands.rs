@@ -1,12 +1,11 @@
 //! Active chains by latitude: a vertex is compared with those that come near its latitude alone.
 
-use std::ops::RangeInclusive;
+use std::ops::Range;
 
 use glam::DVec3;
 
 use super::chains::Chain;
 use super::edges::Edges;
-use super::latitudes::MOST_BANDS;
 use super::slots::Slots;
 
 /// The active chains, each in all bands that it comes into.
@@ -18,7 +17,7 @@ pub(super) struct Bands {
     pub chains: Vec<Chain>,
     /// Chains that have ended.
     free: Vec<u32>,
-    /// The slot of chain c in band b at `c * MOST_BANDS + b`.
+    /// The slot of chain c in band b at `c * count + b`.
     slot_of: Vec<u16>,
     /// Some band has held more than is good.
     pub is_crowded: bool,
@@ -42,7 +41,7 @@ impl Bands {
 
     /// Asks the edges in some bands which of them pass above a unit vector; whether that is in doubt for one.
     #[inline(always)]
-    pub fn look(&mut self, edges: &Edges, position: DVec3, bands: RangeInclusive<usize>) -> bool {
+    pub fn look(&mut self, edges: &Edges, position: DVec3, bands: Range<usize>) -> bool {
         let mut is_near = false;
         let rounded = position.as_vec3();
         for slots in &mut self.slots[bands] {
@@ -60,15 +59,16 @@ impl Bands {
     /// The slot of a chain in one of its bands.
     #[inline(always)]
     pub fn slot(&self, chain: u32, band: usize) -> usize {
-        self.slot_of[chain as usize * MOST_BANDS + band].into()
+        self.slot_of[chain as usize * self.count() + band].into()
     }
 
     /// Adds a chain below all those that are marked as above.
+    #[inline(always)]
     pub fn insert(&mut self, chain: Chain) -> u32 {
         let id = self.free.pop().unwrap_or(self.chains.len() as u32);
         if id as usize == self.chains.len() {
             self.chains.push(chain);
-            let room = self.chains.len() * MOST_BANDS;
+            let room = self.chains.len() * self.count();
             self.slot_of.resize(self.slot_of.len().max(room), 0);
         } else {
             self.chains[id as usize] = chain;
@@ -81,11 +81,13 @@ impl Bands {
     }
 
     /// Takes a slot for a chain in one of its bands.
+    #[inline(always)]
     fn enter(&mut self, id: u32, chain: &Chain, band: usize) {
         let slots = &mut self.slots[band];
         let slot = slots.insert(id, chain, band > chain.first_band.into());
         self.is_crowded |= slots.is_crowded();
-        self.slot_of[id as usize * MOST_BANDS + band] = slot as u16;
+        let place = id as usize * self.count() + band;
+        self.slot_of[place] = slot as u16;
     }
 
     /// Lets a chain out of comparisons.
@@ -98,6 +100,7 @@ impl Bands {
     }
 
     /// Frees the slots of a chain. What lay above it can be asked until another one is inserted.
+    #[inline(always)]
     pub fn remove(&mut self, id: u32) {
         let chain = self.chains[id as usize];
         for band in chain.bands() {
@@ -121,7 +124,7 @@ impl Bands {
             let slot = self.slot(id, band);
             self.slots[band].remove(slot);
         }
-        for band in new.clone() {
+        for band in new.start..new.end {
             let slot = self.slot(id, band);
             let is_old = old.contains(&band);
             if is_old && !self.slots[band].is_astray(slot) {
@@ -133,10 +136,10 @@ impl Bands {
                 self.enter(id, &next, band);
             }
         }
-        if old.end() < new.end() {
-            self.jumps_above[old.end() + 1..=*new.end()].iter_mut().for_each(|sum| *sum -= next.jump);
+        if old.end < new.end {
+            self.jumps_above[old.end..new.end].iter_mut().for_each(|sum| *sum -= next.jump);
         } else {
-            self.jumps_above[new.end() + 1..=*old.end()].iter_mut().for_each(|sum| *sum += next.jump);
+            self.jumps_above[new.end..old.end].iter_mut().for_each(|sum| *sum += next.jump);
         }
     }
 
@@ -147,6 +150,7 @@ impl Bands {
     }
 
     /// Marks a chain as above.
+    #[inline(always)]
     pub fn set_above(&mut self, id: u32) {
         for band in self.chains[id as usize].bands() {
             let slot = self.slot(id, band);
@@ -155,6 +159,7 @@ impl Bands {
     }
 
     /// Whether `other` was above `id` at the last vertex of either; both come into `band`.
+    #[inline(always)]
     pub fn was_above(&self, id: u32, other: u32, band: u8) -> bool {
         let band = usize::from(band);
         self.slots[band].was_above(self.slot(id, band), self.slot(other, band))

@@ -33,20 +33,9 @@ pub(super) struct Block {
     /// Normals by coordinate: not a number where there is nothing to be compared, so that every comparison fails.
     pub normals: [[f32; WORD]; 3],
     pub chains: [u32; WORD],
-    pub tallies: [Tally; WORD],
+    /// Sum of the sizes of the jumps of those edges that have crossed the one in a slot and have ended.
+    pub crossed: [i32; WORD],
 }
-
-/// The crossings of the edge in a slot with edges that have ended.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tally {
-    /// Sum of the sizes of their jumps.
-    pub size: i32,
-    /// The last one found and the first.
-    pub last: u32,
-    pub first: u32,
-}
-
-pub(super) const NONE: Tally = Tally { size: 0, last: NIL, first: NIL };
 
 /// All slots are free.
 pub(super) const EMPTY: Block = Block {
@@ -57,10 +46,11 @@ pub(super) const EMPTY: Block = Block {
     sizes: [0; DIGITS],
     normals: [[f32::NAN; WORD]; 3],
     chains: [NIL; WORD],
-    tallies: [NONE; WORD],
+    crossed: [0; WORD],
 };
 
 impl Block {
+    #[inline(always)]
     pub fn set_jump(&mut self, bit: usize, jump: i32) {
         put(&mut self.negative, bit, jump < 0);
         for (digit, mask) in self.sizes.iter_mut().enumerate() {
@@ -71,15 +61,22 @@ impl Block {
     /// Sum of the jumps of what is above.
     #[inline(always)]
     pub fn jumps_above(&self) -> i32 {
-        let digits = self.sizes.iter().enumerate();
-        let sum = |mask: u64| count(self.above & mask) - 2 * count(self.above & mask & self.negative);
-        digits.map(|(digit, &mask)| sum(mask) << digit).sum()
+        let mut sum = 0;
+        for (digit, mask) in self.sizes.iter().enumerate() {
+            let above = self.above & mask;
+            sum += (count(above) - 2 * count(above & self.negative)) << digit;
+        }
+        sum
     }
 
     /// Sum of the sizes of some jumps.
     #[inline(always)]
     pub fn sizes(&self, slots: u64) -> i32 {
-        self.sizes.iter().enumerate().map(|(digit, &mask)| count(slots & mask) << digit).sum()
+        let mut sum = 0;
+        for (digit, mask) in self.sizes.iter().enumerate() {
+            sum += count(slots & mask) << digit;
+        }
+        sum
     }
 
     /// Slots up to the last one taken.
@@ -169,10 +166,12 @@ impl Block {
     }
 }
 
+#[inline(always)]
 pub(super) fn put(mask: &mut u64, bit: usize, value: bool) {
     *mask = *mask & !(1 << bit) | u64::from(value) << bit;
 }
 
+#[inline(always)]
 fn count(mask: u64) -> i32 {
     mask.count_ones() as i32
 }

@@ -1,5 +1,7 @@
 //! Runs of edges of which each starts where the one before ends: they keep their slots in the bands.
 
+use std::ops::Range;
+
 use glam::Vec3;
 
 use super::edges::Edge;
@@ -42,7 +44,9 @@ impl Chain {
         }
     }
 
-    pub fn bands(&self) -> std::ops::RangeInclusive<usize> {
-        self.first_band.into()..=self.last_band.into()
+    /// The bands that it comes into.
+    #[inline(always)]
+    pub fn bands(&self) -> Range<usize> {
+        self.first_band.into()..usize::from(self.last_band) + 1
     }
 }

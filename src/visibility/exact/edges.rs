@@ -77,14 +77,14 @@ pub(super) struct MeetsPole;
 /// Vertices and edges of one receiver in one chart.
 #[derive(Debug, Default)]
 pub(super) struct Edges {
-    /// By azimuth, ties by index in the contours.
+    /// By azimuth, ties by position.
     pub vertices: Vec<Vertex>,
-    /// For each vertex the first of the edges that end there, linked by `next_end`.
+    /// For each vertex the first of the edges that end there, linked by `next_end`, in the order of `edges`.
     pub ends: Vec<u32>,
     /// For each vertex the first of the edges that start there, and the number of edges: they lie side by side.
     starts: Vec<u32>,
-    /// The pole, the horizon if there is one, then the edges at the seam, then the others by first vertex: the sweep
-    /// reads memory in order.
+    /// The pole, the horizon if there is one, then the edges at the seam, then the others, both by first vertex, then by second: the
+    /// sweep reads memory in order, and nothing depends on the order of the contours.
     pub edges: Vec<Edge>,
     /// Edges that cross the seam, to begin with.
     pub at_seam: Vec<u32>,
@@ -95,18 +95,20 @@ pub(super) struct Edges {
     /// The largest size of a jump.
     pub steepest: u32,
     pub latitudes: Latitudes,
-    /// The vertices by first use, and one over the lengths of their directions.
-    unsorted: Vec<Vertex>,
+    /// One over the lengths of the vertices' directions.
     inverses: Vec<f64>,
-    /// From the contours' directions to `unsorted`, and from there to `vertices`.
-    places: Vec<u32>,
+    /// Both in the order of the contours.
+    unsorted: Vec<(Vertex, f64)>,
+    /// From there to `vertices`.
     ranks: Vec<u32>,
     order: Ranks,
     spans: Vec<Span>,
+    /// The same as `edges` have them.
+    arranged: Vec<Span>,
 }
 
-/// An arc of the contours that is not left out, by the places of its vertices among the unsorted.
-#[derive(Clone, Copy, Debug)]
+/// An arc of the contours that is not left out, by its vertices: by their places in the contours, then by their ranks.
+#[derive(Clone, Copy, Debug, Default)]
 struct Span {
     arc: u32,
     first: u32,
@@ -129,13 +131,42 @@ impl Edges {
         chart: &Chart,
         lenient: bool,
     ) -> Result<(), MeetsPole> {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.fill_avx2(contours, horizon, chart, lenient) };
+        }
+        self.fill_inline(contours, horizon, chart, lenient)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn fill_avx2(
+        &mut self,
+        contours: &ReceiverContours,
+        horizon: Option<DVec3>,
+        chart: &Chart,
+        lenient: bool,
+    ) -> Result<(), MeetsPole> {
+        self.fill_inline(contours, horizon, chart, lenient)
+    }
+
+    #[inline(always)]
+    fn fill_inline(
+        &mut self,
+        contours: &ReceiverContours,
+        horizon: Option<DVec3>,
+        chart: &Chart,
+        lenient: bool,
+    ) -> Result<(), MeetsPole> {
         self.collect(contours, horizon.is_some(), chart);
         self.sort();
 
         let mut seam = if horizon.is_some() { HORIZON_EDGE + 1 } else { TOP + 1 };
-        let mut start = seam + self.spans.iter().filter(|span| span.wraps).count() as u32;
+        let first = seam + self.spans.iter().filter(|span| span.wraps).count() as u32;
+        self.arrange(first);
         // Every place is written below: what is there already need not be cleared.
-        self.edges.resize(start as usize + self.spans.len(), Edge::new(DVec3::ZERO, 0, NIL));
+        self.edges.resize(first as usize + self.spans.len(), Edge::new(DVec3::ZERO, 0, NIL));
         self.edges[TOP as usize] = Edge::new(DVec3::ZERO, 0, NIL);
         self.at_seam.clear();
         self.horizon = NIL;
@@ -144,22 +175,22 @@ impl Edges {
             self.at_seam.push(HORIZON_EDGE);
             self.edges[HORIZON_EDGE as usize] = Edge::new(chart.local(n), HORIZON_JUMP, NIL);
         }
-        for next_place in &mut self.starts {
-            let count = std::mem::replace(next_place, start);
-            start += count;
-        }
+        self.at_seam.extend(seam..first);
+        seam = first;
 
-        let Self { unsorted, inverses, ranks, starts, ends, edges, latitudes, .. } = self;
-        let (unsorted, inverses, ranks) = (&unsorted[..], &inverses[..], &ranks[..]);
-        let (starts, ends, edges) = (&mut starts[..], &mut ends[..], &mut edges[..]);
+        let Self { vertices, inverses, ends, edges, arranged, latitudes, .. } = self;
+        let (vertices, inverses) = (&vertices[..], &inverses[..]);
+        let (ends, edges) = (&mut ends[..], &mut edges[..]);
         let mut steepest = 0;
-        for &Span { arc: source, first, second, is_forward, wraps } in &self.spans {
+        // Backwards, so that lists of ends run forwards.
+        for (place, &span) in arranged.iter().enumerate().rev() {
+            let (place, Span { arc: source, first, second, is_forward, wraps }) = (first + place as u32, span);
             let arc = &contours.arcs[source as usize];
-            let [start, end] = [first, second].map(|place| unsorted[place as usize].position);
+            let [start, end] = [first, second].map(|rank| vertices[rank as usize].position);
             let cosine = start.dot(end);
             // No branches: which way an arc runs is hard to predict.
             let sign = 2 * i32::from(is_forward) - 1;
-            let [from, to] = [first, second].map(|place| inverses[place as usize]);
+            let [from, to] = [first, second].map(|rank| inverses[rank as usize]);
             let lengths = select_unpredictable(is_forward, [from, to], [to, from]);
             let normal = f64::from(sign) * chart.local(normal(contours, arc, lengths, cosine));
             let jump = sign * arc.jump;
@@ -167,32 +198,51 @@ impl Edges {
                 return Err(MeetsPole);
             }
             steepest = steepest.max(jump.unsigned_abs());
-            let [first, second] = [first, second].map(|place| ranks[place as usize]);
-            // Until all edges have their place, `starts` is where the next one goes.
-            let next_place = &mut starts[first as usize];
-            let mut place = *next_place;
-            *next_place += 1;
             let mut edge = Edge { start: first, ..Edge::new(normal, jump, source) };
-            (edge.first_band, edge.last_band) = latitudes.range(start, end);
+            (edge.first_band, edge.last_band) = latitudes.range(start, end, cosine);
+            let mut last = place;
             if wraps {
                 let at_seam = on_seam(normal);
-                (edge.first_band, edge.last_band) = latitudes.range(start, at_seam);
+                (edge.first_band, edge.last_band) = latitudes.range(start, at_seam, start.dot(at_seam));
                 edges[place as usize] = edge;
-                (edge.first_band, edge.last_band) = latitudes.range(at_seam, end);
+                (edge.first_band, edge.last_band) = latitudes.range(at_seam, end, at_seam.dot(end));
                 edge.start = SEAM;
-                self.at_seam.push(seam);
-                place = seam;
-                seam += 1;
+                seam -= 1;
+                last = seam;
             }
             edge.end = second;
-            edge.next_end = std::mem::replace(&mut ends[second as usize], place);
-            edges[place as usize] = edge;
+            edge.next_end = std::mem::replace(&mut ends[second as usize], last);
+            edges[last as usize] = edge;
         }
         self.steepest = steepest;
-        // The first place of each has become that of the next.
-        self.starts.copy_within(..self.vertices.len(), 1);
-        self.starts[0] = seam;
         Ok(())
+    }
+
+    /// Puts the arcs in the order of their vertices' ranks; the first edge's number is given. Before, `starts` has the number of
+    /// those that start at each vertex.
+    #[inline(always)]
+    fn arrange(&mut self, first: u32) {
+        let mut place = first;
+        for next_place in &mut self.starts {
+            let count = std::mem::replace(next_place, place);
+            place += count;
+        }
+        self.arranged.resize(self.spans.len(), Span::default());
+        for &span in &self.spans {
+            let next_place = &mut self.starts[span.first as usize];
+            self.arranged[(*next_place - first) as usize] = span;
+            *next_place += 1;
+        }
+        let mut start = first;
+        for end in &mut self.starts {
+            // What has become the end of each is the start of the next.
+            let (from, to) = (start as usize, *end as usize);
+            if to - from > 1 {
+                let range = from - first as usize..to - first as usize;
+                self.arranged[range].sort_unstable_by_key(|span| (span.second, span.arc));
+            }
+            start = std::mem::replace(end, start);
+        }
     }
 
     /// The edges that start at a vertex.
@@ -232,55 +282,52 @@ impl Edges {
         }
     }
 
-    /// Lists the arcs to keep and their vertices, in the order of the contours.
+    /// Lists the vertices, and the arcs to keep, in the order of the contours.
+    #[inline(always)]
     fn collect(&mut self, contours: &ReceiverContours, has_horizon: bool, chart: &Chart) {
         self.bad = 0;
-        self.spans.clear();
         self.unsorted.clear();
-        self.inverses.clear();
-        self.places.clear();
-        self.places.resize(contours.directions.len(), NIL);
-        let height = |v: u32| if has_horizon { contours.heights[v as usize] } else { 1.0 };
-        self.unsorted.reserve(contours.directions.len());
+        self.unsorted.extend(contours.directions.iter().zip(&contours.heights).map(|(&direction, &height)| {
+            let (direction, inverse) = unit(direction);
+            let position = chart.local(direction);
+            let azimuth = azimuth(position.x, position.y);
+            (Vertex { position, azimuth, height: if has_horizon { height } else { 1.0 } }, inverse)
+        }));
+        self.spans.clear();
         for (arc, &Arc { a, b, .. }) in contours.arcs.iter().enumerate() {
-            let heights = (height(a), height(b));
-            if (heights.0 <= 0.0) & (heights.1 <= 0.0) {
+            let [(first, from), (second, to)] = [a, b].map(|v| &self.unsorted[v as usize]);
+            if (first.height <= 0.0) & (second.height <= 0.0) {
                 continue;
             }
-            let first = self.enter(contours.directions[a as usize], heights.0, a, chart);
-            let second = self.enter(contours.directions[b as usize], heights.1, b, chart);
-            if self.inverses[first as usize] == NO_LENGTH || self.inverses[second as usize] == NO_LENGTH {
+            if (*from == NO_LENGTH) | (*to == NO_LENGTH) {
                 self.bad += 1;
                 continue;
             }
-            self.spans.push(Span { arc: arc as u32, first, second, is_forward: true, wraps: false });
+            self.spans.push(Span { arc: arc as u32, first: a, second: b, is_forward: true, wraps: false });
         }
-    }
-
-    /// The place of a vertex among the unsorted, which it gets at its first use.
-    #[inline(always)]
-    fn enter(&mut self, direction: DVec3, height: f64, vertex: u32, chart: &Chart) -> u32 {
-        let place = &mut self.places[vertex as usize];
-        if *place == NIL {
-            *place = self.unsorted.len() as u32;
-            let (direction, inverse) = unit(direction);
-            let position = chart.local(direction);
-            self.inverses.push(inverse);
-            let azimuth = azimuth(position.x, position.y);
-            self.unsorted.push(Vertex { position, azimuth, height });
-        }
-        *place
     }
 
     /// Puts the vertices in the order of the sweep, and chooses bands.
+    #[inline(always)]
     fn sort(&mut self) {
+        let unsorted = &self.unsorted[..];
         self.vertices.clear();
+        self.inverses.clear();
         self.ranks.clear();
-        self.ranks.resize(self.unsorted.len(), 0);
-        let keys = self.order.sort(self.unsorted.iter().map(|vertex| vertex.azimuth));
+        self.ranks.resize(unsorted.len(), 0);
+        let keys = self.order.sort(unsorted.iter().map(|(vertex, _)| vertex.azimuth), |a, b| {
+            let [a, b] = [a, b].map(|place| unsorted[place as usize]);
+            let coordinates = |(vertex, inverse): (Vertex, f64)| {
+                let [x, y, z] = vertex.position.to_array();
+                [z, x, y, inverse].map(f64::to_bits)
+            };
+            coordinates(a).cmp(&coordinates(b))
+        });
         for (rank, &(_, v)) in keys.iter().enumerate() {
             self.ranks[v as usize] = rank as u32;
-            self.vertices.push(self.unsorted[v as usize]);
+            let (vertex, inverse) = unsorted[v as usize];
+            self.vertices.push(vertex);
+            self.inverses.push(inverse);
         }
         let (mut passed, count) = (0, self.vertices.len());
         self.ends.clear();
@@ -288,19 +335,18 @@ impl Edges {
         self.starts.clear();
         self.starts.resize(count + 1, 0);
         for span in &mut self.spans {
-            let (a, b) = (self.ranks[span.first as usize], self.ranks[span.second as usize]);
-            let [va, vb] = [span.first, span.second].map(|place| self.unsorted[place as usize].azimuth);
+            let ranks = [span.first, span.second].map(|place| self.ranks[place as usize]);
+            let [va, vb] = [span.first, span.second].map(|place| unsorted[place as usize].0.azimuth);
             span.wraps = (va - vb).abs() > 0.5 * TURN_END;
-            let between = a.abs_diff(b) as usize;
+            let between = ranks[0].abs_diff(ranks[1]) as usize;
             passed += if span.wraps { count - between } else { between };
-            span.is_forward = (a < b) != span.wraps;
+            span.is_forward = (ranks[0] < ranks[1]) != span.wraps;
             let backward = usize::from(!span.is_forward);
-            let (places, ranks) = ([span.first, span.second], [a, b]);
-            (span.first, span.second) = (places[backward], places[1 - backward]);
-            self.starts[ranks[backward] as usize] += 1;
+            (span.first, span.second) = (ranks[backward], ranks[1 - backward]);
+            self.starts[span.first as usize] += 1;
         }
         let mean_active = passed / count.max(1);
-        let positions = self.unsorted.iter().map(|vertex| vertex.position);
+        let positions = self.unsorted.iter().map(|(vertex, _)| vertex.position);
         self.latitudes.divide(mean_active / EDGES_PER_BAND, positions);
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-pub(super) const MOST_BANDS: usize = 128;
+const MOST_BANDS: usize = 128;
 /// Parts of z from pole to pole, of which bands are made: the first and the last of half the size.
 const PARTS: usize = 257;
 
@@ -47,15 +47,15 @@ impl Latitudes {
         self.band_of[part(z)]
     }
 
-    /// First and last band that an arc between two points comes into.
+    /// First and last band that an arc between two points comes into; `cosine` is that of its length.
     #[inline(always)]
-    pub fn range(&self, start: DVec3, end: DVec3) -> (u8, u8) {
+    pub fn range(&self, start: DVec3, end: DVec3, cosine: f64) -> (u8, u8) {
         if self.count == 1 {
             return (0, 0);
         }
         // An arc is no further from its chord than half the square of half its length, and z of the chord is between those of
         // its ends; for rounding add a little.
-        let bulge = 0.5 * (1.0 - start.dot(end)) + 1e-14;
+        let bulge = 0.5 * (1.0 - cosine) + 1e-14;
         let (low, high) = if start.z < end.z { (start.z, end.z) } else { (end.z, start.z) };
         (self.band(high + bulge), self.band(low - bulge))
     }

@@ -159,9 +159,9 @@ impl Masks<'_> {
         let started_edge = &self.edges.edges[started as usize];
         let chain = &bands.chains[id as usize];
         let first = chain.first_band.min(started_edge.first_band).into();
-        let last = chain.last_band.max(started_edge.last_band).into();
+        let last = usize::from(chain.last_band.max(started_edge.last_band));
         bands.hide(id);
-        let is_near = bands.look(self.edges, vertex.position, first..=last);
+        let is_near = bands.look(self.edges, vertex.position, first..last + 1);
         bands.chains[id as usize].is_doubtful |= is_near;
         let depth = self.depth_at_pole + bands.jumps_above(self.edges.latitudes.band(vertex.position.z));
         let ending = Ending {
@@ -181,6 +181,9 @@ impl Masks<'_> {
     /// Any number of edges end and start at a vertex.
     #[inline(always)]
     fn branch(&mut self, vertex: &Vertex, mut ended: u32, starts: Range<u32>) -> Result<(), Doubt> {
+        if ended == NIL && starts.is_empty() {
+            return Ok(());
+        }
         let ends = &mut self.buffers.ends;
         ends.clear();
         while ended != NIL {
@@ -205,14 +208,6 @@ impl Masks<'_> {
         // The bands that the vertex's edges come into.
         let (mut first, mut last) = (band, band);
         let mut balance = 0;
-        // Nothing depends on the order of the contours.
-        let place = |id: u32| (self.edges.edges[id as usize].start, self.edges.edges[id as usize].normal.x.to_bits());
-        match ends {
-            [] | [_] => {}
-            [one, other] if place(*one) <= place(*other) => {}
-            [one, other] => std::mem::swap(one, other),
-            _ => ends.sort_unstable_by_key(|&id| place(id)),
-        }
         for end in &mut *ends {
             *end = chains[*end as usize];
             let chain = &bands.chains[*end as usize];
@@ -229,16 +224,18 @@ impl Masks<'_> {
         if balance != 0 && is_above_horizon {
             return Err(Doubt);
         }
-        ends.iter().for_each(|&id| bands.remove(id));
-        let is_near = bands.look(self.edges, vertex.position, first.into()..=last.into());
+        for &id in &*ends {
+            bands.remove(id);
+        }
+        let is_near = bands.look(self.edges, vertex.position, first.into()..usize::from(last) + 1);
         let depth = self.depth_at_pole + bands.jumps_above(band);
         for &id in &*ends {
             bands.chains[id as usize].is_doubtful |= is_near;
-            // Those that end here too, above it.
-            let siblings = ends
-                .iter()
-                .map(|&other| bands.chains[other as usize].jump * i32::from(bands.was_above(id, other, band)));
-            let depth_above = depth + siblings.sum::<i32>();
+            let mut depth_above = depth;
+            for &other in ends.iter().filter(|&&other| other != id) {
+                // It ends here too, above.
+                depth_above += bands.chains[other as usize].jump * i32::from(bands.was_above(id, other, band));
+            }
             let ending = Ending {
                 id,
                 crossed: bands.cross(id),

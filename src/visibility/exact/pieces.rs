@@ -105,9 +105,9 @@ impl Worst {
     /// Whether W stays positive on an edge that starts with this depth on the deeper side.
     fn stays_above_zero(&self, mut depth: i32) -> bool {
         let mut deepest = depth;
-        for change in &self.changes[..2 * PARTS + 2] {
-            depth += change;
-            deepest = deepest.min(depth);
+        for part in self.changes[..2 * PARTS + 2].chunks_exact(2) {
+            deepest = deepest.min(depth + part[0]);
+            depth += part[0] + part[1];
         }
         deepest > 0
     }

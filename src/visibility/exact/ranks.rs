@@ -1,5 +1,7 @@
 //! Azimuths in order: a bucket for each on average, and comparisons inside.
 
+use std::cmp::Ordering;
+
 use super::chart::TURN_END;
 
 /// Buffers of the sort.
@@ -11,8 +13,12 @@ pub(super) struct Ranks {
 }
 
 impl Ranks {
-    /// Sorts azimuths in [0, 4], ties by index, and returns (bits of the azimuth, index) in order.
-    pub fn sort(&mut self, azimuths: impl ExactSizeIterator<Item = f64> + Clone) -> &[(u64, u32)] {
+    /// Sorts azimuths in [0, 4], ties by what `compare` says of their indices, and returns (bits of the azimuth, index) in order.
+    pub fn sort(
+        &mut self,
+        azimuths: impl ExactSizeIterator<Item = f64> + Clone,
+        compare: impl Fn(u32, u32) -> Ordering,
+    ) -> &[(u64, u32)] {
         let buckets = azimuths.len().max(1);
         let scale = buckets as f64 / TURN_END;
         // What is not a number goes first.
@@ -36,7 +42,7 @@ impl Ranks {
         for &end in &self.firsts[..buckets] {
             let range = start as usize..end as usize;
             if range.len() > 1 {
-                self.keys[range].sort_unstable();
+                self.keys[range].sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| compare(a.1, b.1)));
             }
             start = end;
         }
@@ -46,6 +52,8 @@ impl Ranks {
 
 #[cfg(test)]
 mod tests {
+    use std::cmp::Reverse;
+
     use super::*;
 
     #[test]
@@ -57,7 +65,9 @@ mod tests {
             let mut expected: Vec<(u64, u32)> =
                 azimuths.iter().enumerate().map(|(i, azimuth)| (azimuth.to_bits(), i as u32)).collect();
             expected.sort_unstable();
-            assert_eq!(Ranks::default().sort(azimuths.iter().copied()), expected);
+            assert_eq!(Ranks::default().sort(azimuths.iter().copied(), |a, b| a.cmp(&b)), expected);
+            expected.sort_unstable_by_key(|&(azimuth, i)| (azimuth, Reverse(i)));
+            assert_eq!(Ranks::default().sort(azimuths.iter().copied(), |a, b| b.cmp(&a)), expected);
         }
     }
 }

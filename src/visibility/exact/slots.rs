@@ -1,12 +1,10 @@
 //! Chains that come into one band of latitude, which of them lie above which, and which have crossed.
 
-use std::hint::select_unpredictable;
-
 use glam::{DVec3, Vec3};
 
-use super::block::{Block, EMPTY, LANES, NONE, Tally, WORD, bits, put, set_column};
+use super::block::{Block, EMPTY, LANES, WORD, bits, put, set_column};
 use super::chains::Chain;
-use super::edges::{Edges, NIL};
+use super::edges::Edges;
 
 /// Blocks of a band beyond which keeping order would be better than comparing one by one.
 const MOST_BLOCKS: usize = 64;
@@ -19,8 +17,6 @@ pub(super) struct Crossed {
     pub normal: Vec3,
     /// Change of W just above the one in the slot, in the direction of the sweep.
     pub change: i32,
-    /// The crossing found before.
-    next: u32,
 }
 
 /// What the edge that ended last has crossed, in one block.
@@ -40,9 +36,8 @@ pub(super) struct Slots {
     used: usize,
     /// Which chains of block b lay above that in slot s of block a, at the last vertex of either: `[a * blocks + b][s]`.
     rows: Vec<[u64; WORD]>,
-    crossed: Vec<Crossed>,
-    /// The first of those that are no longer needed.
-    spare: u32,
+    /// By slot.
+    crossed: Vec<Vec<Crossed>>,
     crossing: Vec<Crossing>,
 }
 
@@ -51,8 +46,6 @@ impl Slots {
     pub fn reset(&mut self) {
         self.used = 0;
         self.blocks.fill(EMPTY);
-        self.crossed.clear();
-        self.spare = NIL;
     }
 
     /// Whether keeping order would be better.
@@ -65,6 +58,7 @@ impl Slots {
         self.blocks.iter().flat_map(|block| bits(block.taken).map(|bit| block.chains[bit]))
     }
 
+    #[inline(always)]
     fn row(&self, slot: usize, block: usize) -> u64 {
         self.rows[slot / WORD * self.blocks.len() + block][slot % WORD]
     }
@@ -118,10 +112,8 @@ impl Slots {
         }
         let block = &mut self.blocks[a];
         put(&mut block.continued, bit, is_continued);
-        let Tally { last, first, .. } = std::mem::replace(&mut block.tallies[bit], NONE);
-        if let Some(first) = self.crossed.get_mut(first as usize) {
-            first.next = std::mem::replace(&mut self.spare, last);
-        }
+        block.crossed[bit] = 0;
+        self.crossed[slot].clear();
         let [nx, ny, nz] = &mut block.normals;
         (nx[bit], ny[bit], nz[bit]) = chain.normal.into();
     }
@@ -152,12 +144,18 @@ impl Slots {
         }
         self.rows = rows;
         self.blocks.resize(new, EMPTY);
+        self.crossed.resize_with(WORD * new, Vec::new);
     }
 
     /// Sum of the jumps of all that is marked as above.
     #[inline(always)]
     pub fn jumps_above(&self) -> i32 {
-        self.blocks[..self.used].iter().map(Block::jumps_above).sum()
+        // Adapters of iterators would not be compiled for the processor at hand, which counts bits in one instruction.
+        let mut sum = 0;
+        for block in &self.blocks[..self.used] {
+            sum += block.jumps_above();
+        }
+        sum
     }
 
     /// Marks nothing as above.
@@ -166,11 +164,13 @@ impl Slots {
     }
 
     /// Marks a slot as above.
+    #[inline(always)]
     pub fn set_above(&mut self, slot: usize) {
         self.blocks[slot / WORD].above |= 1 << (slot % WORD);
     }
 
     /// Whether one slot lay above another at the last vertex of either.
+    #[inline(always)]
     pub fn was_above(&self, slot: usize, other: usize) -> bool {
         self.row(slot, other / WORD) >> (other % WORD) & 1 != 0
     }
@@ -182,7 +182,7 @@ impl Slots {
     pub fn cross(&mut self, slot: usize, is_first: bool, chain: &Chain) -> i32 {
         let (a, mine, count) = (slot / WORD, 1 << (slot % WORD), self.blocks.len());
         let Chain { edge, normal, jump, .. } = *chain;
-        let mut sum = self.blocks[a].tallies[slot % WORD].size;
+        let mut sum = self.blocks[a].crossed[slot % WORD];
         self.crossing.clear();
         for (b, block) in self.blocks[..self.used].iter_mut().enumerate() {
             let was_above = self.rows[a * count + b][slot % WORD];
@@ -194,23 +194,12 @@ impl Slots {
             let twice = if is_first { 0 } else { crossed & block.continued };
             bits(twice).for_each(|bit| rows[bit] ^= mine);
             let slots = crossed ^ twice;
+            let lists = &mut self.crossed[WORD * b..][..WORD];
             for bit in bits(slots) {
                 rows[bit] ^= mine;
-                let tally = &mut block.tallies[bit];
-                tally.size += jump.abs();
+                block.crossed[bit] += jump.abs();
                 let sign = 2 * (was_above >> bit & 1) as i32 - 1;
-                let crossed = Crossed { edge, normal, change: sign * jump, next: tally.last };
-                match self.crossed.get_mut(self.spare as usize) {
-                    Some(spare) => {
-                        tally.last = std::mem::replace(&mut self.spare, spare.next);
-                        *spare = crossed;
-                    }
-                    None => {
-                        tally.last = self.crossed.len() as u32;
-                        self.crossed.push(crossed);
-                    }
-                }
-                tally.first = select_unpredictable(tally.first == NIL, tally.last, tally.first);
+                lists[bit].push(Crossed { edge, normal, change: sign * jump });
             }
             sum += block.sizes(slots);
             self.crossing.push(Crossing { block: b, slots, rises: was_above });
@@ -220,12 +209,8 @@ impl Slots {
 
     /// Calls back for the crossings of the edge in a slot with others that have ended.
     #[inline(always)]
-    pub fn each_crossed(&self, slot: usize, mut found: impl FnMut(&Crossed)) {
-        let mut last = self.blocks[slot / WORD].tallies[slot % WORD].last;
-        while let Some(crossed) = self.crossed.get(last as usize) {
-            found(crossed);
-            last = crossed.next;
-        }
+    pub fn each_crossed(&self, slot: usize, found: impl FnMut(&Crossed)) {
+        self.crossed[slot].iter().for_each(found);
     }
 
     /// Calls back for what the edge that ended last has crossed: the chain, its normal, and whether it was above before.
@@ -302,7 +287,7 @@ mod tests {
                 slots.blocks.iter_mut().for_each(|block| _ = block.look(w));
                 let crossed = (0..held.len()).filter(|&other| other != one && sides[one][other] != above[other]);
                 let sum: i32 = crossed.map(|other| held[other].1.jump.abs()).sum();
-                let before = slots.blocks[slot / WORD].tallies[slot % WORD].size;
+                let before = slots.blocks[slot / WORD].crossed[slot % WORD];
                 assert_eq!(slots.cross(slot, true, &old) - before, sum);
                 for other in (0..held.len()).filter(|&other| other != one) {
                     sides[one][other] = above[other];
