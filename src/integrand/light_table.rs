@@ -1,10 +1,11 @@
 use std::ops::Range;
 
+use dual_bvh::prefetch;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::scene::Environment;
-use crate::visibility::{Interval, Isolines, cycle};
+use crate::visibility::{Frame, Isolines, Spans, cycle};
 
 /// Summed-area tables of light times the linear harmonics along u-isolines: with them the vector irradiance of any
 /// visible interval is the difference of two entries.
@@ -18,7 +19,8 @@ pub struct LightTable {
     cells: usize,
     /// Slabs that tell the error, for each axis.
     samples: [Vec<Sample>; 3],
-    /// One table for each axis along which isolines may follow one another.
+    /// One table for each axis along which isolines may follow one another: by quadrant, then by cell, then by isoline. Where spans
+    /// end changes little from one isoline to the next, so that they find their neighbours' memory near.
     axes: [Vec<[f64; 9]>; 3],
 }
 
@@ -54,24 +56,23 @@ impl LightTable {
         axes.par_iter_mut().enumerate().for_each(|(axis, sums)| {
             for (moment, radiance) in environment.patches(patches) {
                 let added: [f64; 9] = std::array::from_fn(|i| f64::from(radiance[i / 3]) * moment[i % 3]);
-                let (arc, fraction) = place(lines, cycle(moment, axis));
+                let (line, quadrant, fraction) = place(lines, cycle(moment, axis));
                 let cell = ((fraction * cells as f64) as usize).min(cells - 1);
-                let sum = &mut sums[arc * (cells + 1) + cell + 1];
+                let sum = &mut sums[(quadrant * (cells + 1) + cell + 1) * lines + line];
                 sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
             }
-            for arc in sums.chunks_mut(cells + 1) {
-                let mut total = [0.0; 9];
-                for sum in arc {
-                    for (total, sum) in total.iter_mut().zip(sum) {
-                        *total += *sum;
-                        *sum = *total;
+            for quadrant in sums.chunks_mut((cells + 1) * lines) {
+                for cell in 1..=cells {
+                    let (before, here) = quadrant[(cell - 1) * lines..].split_at_mut(lines);
+                    for (sum, before) in here.iter_mut().zip(before) {
+                        sum.iter_mut().zip(before).for_each(|(sum, before)| *sum += *before);
                     }
                 }
             }
         });
         let samples = axes.each_ref().map(|sums| {
             let light = |line: usize| {
-                let totals = (0..4).map(|quadrant| &sums[(line * 4 + quadrant + 1) * (cells + 1) - 1]);
+                let totals = (0..4).map(|quadrant| &sums[(quadrant * (cells + 1) + cells) * lines + line]);
                 totals.flatten().map(|total| total.abs()).sum::<f64>()
             };
             samples((0..lines).map(light).collect())
@@ -79,37 +80,156 @@ impl LightTable {
         Self { lines, cells, samples, axes }
     }
 
-    /// The light of line `line` in the quadrant and between the fractions of an interval, times `factor`, added to `out`.
+    /// Adds up the light of visible spans of isolines in this frame.
+    pub fn integrate(&self, frame: Frame, spans: &Spans, moments: &mut LightMoments) {
+        moments.rows.clear();
+        for half in 0..2 {
+            for line in 0..self.lines {
+                legs(frame, half, self.span(spans, half, line), |leg| self.look_up(line, leg, 1.0, &mut moments.rows));
+            }
+        }
+        moments.sum = self.add(frame, &moments.rows, 0..moments.rows.len());
+    }
+
+    /// The error to expect of each number of [`LightMoments::vectors`] for the same spans: every other slab under the mean of what its
+    /// neighbours' isolines see, and light that is uneven inside the cells where intervals end. From the slabs in which most of
+    /// the light is and a sample of the others.
+    pub fn errors(&self, frame: Frame, spans: &Spans, moments: &mut LightMoments) -> [DVec3; 3] {
+        let LightMoments { rows, bounds, .. } = moments;
+        rows.clear();
+        bounds.clear();
+        let samples = &*self.samples[frame.axis()];
+        for &Sample { line, .. } in samples {
+            let inner = line > 0 && line + 1 < self.lines;
+            let share = if inner { -0.5 } else { -1.0 };
+            let neighbours = [line.wrapping_sub(1), line + 1].into_iter().filter(|&other| other < self.lines);
+            for (from, factor) in neighbours.map(|other| (other, share)).chain([(line, 1.0)]) {
+                for half in 0..2 {
+                    legs(frame, half, self.span(spans, half, from), |leg| self.look_up(line, leg, factor, rows));
+                }
+            }
+            bounds.push(rows.len());
+        }
+        let (mut sums, mut squares) = ([0.0; 9], [0.0; 9]);
+        let mut first = 0;
+        for (&Sample { line, weight }, &last) in samples.iter().zip(&*bounds) {
+            let difference = self.add(frame, rows, std::mem::replace(&mut first, last)..last);
+            let sign = if line % 2 == 0 { weight } else { -weight };
+            for ((sum, square), difference) in sums.iter_mut().zip(&mut squares).zip(difference) {
+                *sum += sign * difference;
+                *square += weight * difference * difference;
+            }
+            for half in 0..2 {
+                legs(frame, half, self.span(spans, half, line), |Leg { quadrant, from, to }| {
+                    for end in [from, to] {
+                        let (row, _) = self.cell(line, quadrant, end);
+                        let [low, high] = [row, row + self.lines].map(|row| &self.axes[frame.axis()][row]);
+                        for (square, (low, high)) in squares.iter_mut().zip(low.iter().zip(high)) {
+                            *square += weight * UNEVEN * UNEVEN * (high - low).powi(2);
+                        }
+                    }
+                });
+            }
+        }
+        // What the slabs have in common, and what they have not. Both halves of the isolines are looked at.
+        let error = |(sum, square): (&f64, &f64)| 0.25 * sum * sum + 0.5 * square;
+        [0, 3, 6].map(|i| DVec3::from_array([i, i + 1, i + 2].map(|i| error((&sums[i], &squares[i])).sqrt())))
+    }
+
+    /// Ends of the spans of one half of an isoline.
     #[inline(always)]
-    fn add(&self, axis: usize, line: usize, interval: Interval, factor: f64, out: &mut [f64; 9]) {
-        for (end, factor) in [(interval.to, factor), (interval.from, -factor)] {
+    fn span<'s>(&self, spans: &'s Spans, half: usize, line: usize) -> &'s [f64] {
+        &spans.ends()[spans.of(half * self.lines + line)]
+    }
+
+    /// The weighted rows that give the light of a leg in the slab of an isoline, times `factor`.
+    #[inline(always)]
+    fn look_up(&self, line: usize, Leg { quadrant, from, to }: Leg, factor: f64, rows: &mut Vec<Row>) {
+        for (end, factor) in [(to, factor), (from, -factor)] {
             if end == 0.0 {
                 continue;
             }
-            let ([lows, highs], part) = self.cell(axis, line, interval.quadrant, end);
-            for (out, (low, high)) in out.iter_mut().zip(lows.iter().zip(highs)) {
-                *out += factor * (low + (high - low) * part);
+            let (row, part) = self.cell(line, quadrant, end);
+            if part < 1.0 {
+                rows.push(Row { row: row as u32, weight: factor * (1.0 - part) });
             }
+            rows.push(Row { row: (row + self.lines) as u32, weight: factor * part });
         }
     }
 
-    /// The squares of the light in the cells in which an interval begins and ends, times `factor`, added to `out`.
-    fn add_squares(&self, axis: usize, line: usize, interval: Interval, factor: f64, out: &mut [f64; 9]) {
-        for end in [interval.from, interval.to] {
-            let ([lows, highs], _) = self.cell(axis, line, interval.quadrant, end);
-            for (out, (low, high)) in out.iter_mut().zip(lows.iter().zip(highs)) {
-                *out += factor * (high - low).powi(2);
-            }
-        }
-    }
-
-    /// The sums before and behind the cell in which a fraction of a quadrant lies, and how far along the cell.
+    /// The row of the sums before the cell in which a fraction of a quadrant lies, and how far along the cell. The next cell's
+    /// row is so many further as there are lines.
     #[inline(always)]
-    fn cell(&self, axis: usize, line: usize, quadrant: usize, fraction: f64) -> ([&[f64; 9]; 2], f64) {
-        let arc = &self.axes[axis][(line * 4 + quadrant) * (self.cells + 1)..][..self.cells + 1];
+    fn cell(&self, line: usize, quadrant: usize, fraction: f64) -> (usize, f64) {
         let at = fraction * self.cells as f64;
         let cell = (at as usize).min(self.cells - 1);
-        ([&arc[cell], &arc[cell + 1]], at - cell as f64)
+        ((quadrant * (self.cells + 1) + cell) * self.lines + line, at - cell as f64)
+    }
+
+    /// The weighted sum of a range of rows.
+    fn add(&self, frame: Frame, rows: &[Row], range: Range<usize>) -> [f64; 9] {
+        let table = &*self.axes[frame.axis()];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { add_avx2(table, rows, range) };
+        }
+        add_inline(table, rows, range)
+    }
+}
+
+/// A row of a table, to be added so often.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    row: u32,
+    weight: f64,
+}
+
+/// How many rows ahead memory is asked for.
+const AHEAD: usize = 16;
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn add_avx2(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
+    add_inline(table, rows, range)
+}
+
+#[inline(always)]
+fn add_inline(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
+    let mut sum = [0.0; 9];
+    for at in range {
+        if let Some(later) = rows.get(at + AHEAD) {
+            prefetch(&table[later.row as usize]);
+        }
+        let Row { row, weight } = rows[at];
+        let row = &table[row as usize];
+        for i in 0..9 {
+            sum[i] += weight * row[i];
+        }
+    }
+    sum
+}
+
+/// A part of a span in one quadrant: between two fractions.
+#[derive(Clone, Copy, Debug)]
+struct Leg {
+    quadrant: usize,
+    from: f64,
+    to: f64,
+}
+
+/// Cuts the spans of half an isoline at the fold.
+#[inline(always)]
+fn legs(frame: Frame, half: usize, ends: &[f64], mut leg: impl FnMut(Leg)) {
+    for span in ends.chunks_exact(2) {
+        for (start, quadrant) in [[0, 1], [3, 2]][half].into_iter().enumerate() {
+            let start = start as f64;
+            let (from, to) = (span[0].max(start) - start, span[1].min(start + 1.0) - start);
+            if from < to {
+                let (from, to) = if half == 0 { (from, to) } else { (1.0 - to, 1.0 - from) };
+                leg(Leg { quadrant: frame.quadrant(quadrant), from, to });
+            }
+        }
     }
 }
 
@@ -127,8 +247,8 @@ fn samples(light: Vec<f64>) -> Vec<Sample> {
     samples
 }
 
-/// The arc (isoline and quadrant) whose slab holds a direction, and how far along it the direction lies.
-fn place(lines: usize, w: DVec3) -> (usize, f64) {
+/// The isoline and the quadrant whose slab holds a direction, and how far along it the direction lies.
+fn place(lines: usize, w: DVec3) -> (usize, usize, f64) {
     let norm = w.x.abs() + w.y.abs() + w.z.abs();
     let line = (((w.x / norm + 1.0) * 0.5 * lines as f64) as usize).min(lines - 1);
     let fraction = w.y.abs() / (w.y.abs() + w.z.abs());
@@ -138,70 +258,21 @@ fn place(lines: usize, w: DVec3) -> (usize, f64) {
         (false, false) => (2, fraction),
         (false, true) => (3, 1.0 - fraction),
     };
-    (line * 4 + quadrant, fraction)
+    (line, quadrant, fraction)
 }
 
-/// What one receiver's visible intervals add up to. Keep it and use it again: its memory is reused.
+/// What one receiver's visible spans add up to. Keep it and use it again: its memory is reused.
 #[derive(Clone, Debug, Default)]
 pub struct LightMoments {
     sum: [f64; 9],
-    /// The intervals, those of a line side by side, and where each line's are.
-    intervals: Vec<Interval>,
-    of_line: Vec<Range<usize>>,
+    rows: Vec<Row>,
+    /// Where the rows of each sample end.
+    bounds: Vec<usize>,
 }
 
 impl LightMoments {
-    /// Forgets everything, and makes room for the lines of a table.
-    pub fn clear(&mut self, table: &LightTable) {
-        self.sum = [0.0; 9];
-        self.intervals.clear();
-        self.of_line.clear();
-        self.of_line.resize(table.lines, 0..0);
-    }
-
-    /// Adds a visible interval of an isoline, which follow one another along the axis numbered `axis`. A line's come one after
-    /// another.
-    pub fn add(&mut self, table: &LightTable, axis: usize, interval: Interval) {
-        table.add(axis, interval.line, interval, 1.0, &mut self.sum);
-        let of_line = &mut self.of_line[interval.line];
-        if of_line.start == of_line.end {
-            *of_line = self.intervals.len()..self.intervals.len();
-        }
-        self.intervals.push(interval);
-        of_line.end = self.intervals.len();
-    }
-
     /// Vector irradiance of each colour, integral of L V w.
     pub fn vectors(&self) -> [DVec3; 3] {
         [0, 3, 6].map(|i| DVec3::from_slice(&self.sum[i..i + 3]))
-    }
-
-    /// The error to expect of each number of [`LightMoments::vectors`]: every other slab under the mean of what its neighbours'
-    /// isolines see, and light that is uneven inside the cells where intervals end. From the slabs in which most of the light is
-    /// and a sample of the others.
-    pub fn errors(&self, table: &LightTable, axis: usize) -> [DVec3; 3] {
-        let (mut sums, mut squares) = ([0.0; 9], [0.0; 9]);
-        for &Sample { line, weight } in &table.samples[axis] {
-            let mut difference = [0.0; 9];
-            let inner = line > 0 && line + 1 < table.lines;
-            let share = if inner { -0.5 } else { -1.0 };
-            let neighbours = [line.wrapping_sub(1), line + 1].into_iter().filter(|&other| other < table.lines);
-            for (from, factor) in neighbours.map(|other| (other, share)).chain([(line, 1.0)]) {
-                for &interval in &self.intervals[self.of_line[from].clone()] {
-                    table.add(axis, line, interval, factor, &mut difference);
-                }
-            }
-            let sign = if line % 2 == 0 { weight } else { -weight };
-            for ((sum, square), difference) in sums.iter_mut().zip(&mut squares).zip(difference) {
-                *sum += sign * difference;
-                *square += weight * difference * difference;
-            }
-            for &interval in &self.intervals[self.of_line[line].clone()] {
-                table.add_squares(axis, line, interval, weight * UNEVEN * UNEVEN, &mut squares);
-            }
-        }
-        // What the slabs have in common, and what they have not. Both halves of the isolines are looked at.
-        let error = |(sum, square): (&f64, &f64)| 0.25 * sum * sum + 0.5 * square;
-        [0, 3, 6].map(|i| DVec3::from_array([i, i + 1, i + 2].map(|i| error((&sums[i], &squares[i])).sqrt())))
     }
 }

@@ -1,41 +1,47 @@
 use smallvec::SmallVec;
 
-use super::sweep::{are_apart, follow};
-use super::{Crossings, Spans};
+use super::chart::Chart;
+use super::crossings::Crossings;
+use super::spans::Spans;
+use super::sweep::follow;
 
 /// What is still uncovered of the isolines of one receiver, while one group of bodies after another is put before them.
 ///
 /// The order does not matter: what is left in the end is where no group covers, cut at all crossings in it.
 #[derive(Clone, Debug, Default)]
-pub(in crate::visibility) struct Gaps {
-    /// Tangents of the latitudes where the gaps of each isoline begin and end, in turn and ascending.
+pub(super) struct Gaps {
+    /// Where the gaps of each isoline begin and end, in turn and ascending.
     lines: Vec<SmallVec<[f64; 4]>>,
-    /// Whether a group's depth complexity was negative, but for ties.
-    is_negative: bool,
+    /// Whether a group's depth complexity was negative, but for ties, or partners did not agree on it.
+    has_failed: bool,
     /// Number of isolines with gaps before each one, twice around the sphere.
     open: Vec<u32>,
     free: Vec<f64>,
     cut: Vec<f64>,
+    /// A group's depth complexity where the isolines end, as far as it is known.
+    finals: Vec<Option<i32>>,
 }
 
 impl Gaps {
-    /// Everything above the [horizon](super::horizons).
-    pub(in crate::visibility) fn reset(&mut self, horizons: &[f64]) {
+    /// Everything above the [horizon](Chart::horizons).
+    pub(super) fn reset<C: Chart>(&mut self, horizons: &[f64]) {
         self.lines.resize(horizons.len(), SmallVec::new());
         for (gaps, &horizon) in self.lines.iter_mut().zip(horizons) {
             gaps.clear();
-            gaps.extend_from_slice(&[-Spans::POLE, horizon]);
+            if horizon > C::START {
+                gaps.extend_from_slice(&[C::START, horizon]);
+            }
         }
-        self.is_negative = false;
+        self.has_failed = false;
     }
 
-    /// Whether a group's depth complexity was negative somewhere: failed bookkeeping.
-    pub(in crate::visibility) fn is_negative(&self) -> bool {
-        self.is_negative
+    /// Whether the bookkeeping failed: a group's depth complexity was negative somewhere, or different at one place.
+    pub(super) fn has_failed(&self) -> bool {
+        self.has_failed
     }
 
     /// How many of the isolines before each one have gaps, twice around the sphere; nothing while all have.
-    pub(in crate::visibility) fn open(&mut self) -> Option<&[u32]> {
+    pub(super) fn open(&mut self) -> Option<&[u32]> {
         let lines = self.lines.len();
         self.open.resize(2 * lines + 1, 0);
         let (once, twice) = self.open.split_at_mut(lines);
@@ -49,52 +55,69 @@ impl Gaps {
         (count < lines as u32).then_some(&*self.open)
     }
 
-    /// Number of gaps.
-    pub(super) fn count(&self) -> usize {
-        self.lines.iter().map(|gaps| gaps.len() / 2).sum()
-    }
-
     /// The gaps of all isolines: number of the isoline, begin and end.
     pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64, f64)> {
         let lines = self.lines.iter().enumerate();
         lines.flat_map(|(line, gaps)| gaps.chunks_exact(2).map(move |gap| (line, gap[0], gap[1])))
     }
 
-    /// Puts groups before the isolines that cover their start `depth` times, with their crossings. Returns the number of isolines
-    /// with gaps that they cross.
-    pub(in crate::visibility) fn cover(&mut self, crossings: &mut Crossings, depth: i32, horizons: &[f64]) -> usize {
+    /// Puts groups before the isolines that cover the place where W is counted `depth` times, with their crossings. Returns the number
+    /// of isolines with gaps that they cross.
+    pub(super) fn cover<C: Chart>(
+        &mut self,
+        chart: &C,
+        crossings: &mut Crossings<C::Piece>,
+        depth: i32,
+        horizons: &[f64],
+    ) -> usize {
         let crossed = crossings.lines();
-        if depth > 0 {
-            let (before, rest) = self.lines.split_at_mut(crossed.start);
-            let after = &mut rest[crossed.len()..];
-            before.iter_mut().chain(after).for_each(SmallVec::clear);
+        if depth != 0 || !crossings.start_alike() {
+            for line in (0..crossed.start).chain(crossed.end..horizons.len()) {
+                let depth = depth + crossings.base(line);
+                if depth > 0 {
+                    self.lines[line].clear();
+                }
+                self.has_failed |= depth < 0 && !self.lines[line].is_empty();
+            }
         }
+        self.finals.clear();
+        self.finals.resize(crossed.len(), None);
         let mut count = 0;
-        for line in crossed {
+        for line in crossed.clone() {
             let gaps = &mut self.lines[line];
             if gaps.is_empty() {
                 continue;
             }
             count += 1;
             self.free.clear();
-            follow(crossings.sorted(line), depth, horizons[line], |from, to, depth| {
+            let base = depth + crossings.base(line);
+            let end = follow::<C>(crossings.sorted(line), base, horizons[line], |from, to, depth| {
                 self.free.extend([from, to]);
-                self.is_negative |= depth < 0 && are_apart(from, to);
+                self.has_failed |= depth < 0 && C::are_apart(from, to);
             });
             intersection(gaps, &self.free, &mut self.cut);
             gaps.clear();
             gaps.extend_from_slice(&self.cut);
+            self.finals[line - crossed.start] = Some(end);
+            if let (true, Some(partner)) = (horizons[line] == C::END, chart.partner(line)) {
+                // What is not crossed ends as it starts.
+                let other = match crossed.contains(&partner) {
+                    true => self.finals[partner - crossed.start],
+                    false => Some(depth + crossings.base(partner)),
+                };
+                self.has_failed |= horizons[partner] == C::END && other.is_some_and(|other| other != end);
+            }
         }
         count
     }
 
     /// What is left.
-    pub(in crate::visibility) fn finish(&self, spans: &mut Spans) {
+    pub(super) fn finish<C: Chart>(&self, spans: &mut Spans) {
         spans.clear();
         for gaps in &self.lines {
             spans.begin_line();
             for gap in gaps.chunks_exact(2) {
-                spans.add(gap[0], gap[1]);
+                spans.add::<C>(gap[0], gap[1]);
             }
         }
         spans.end();
