@@ -92,16 +92,28 @@ pub(super) fn run<B: Baker>(
     started: Instant,
     control: &dyn Control,
 ) -> Result<Outcome> {
-    let results = Results::new(layout, receivers.len(), resume)?;
-    let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !results.done[i as usize]).collect();
-    let finished_before = (receivers.len() - todo.len()) as u64;
-    let positions: Vec<_> = todo.iter().map(|&i| receivers.positions[i as usize]).collect();
+    if let Some(partial) = &resume {
+        partial.check(receivers.len())?;
+    }
     let diagonal = geometry.bounds().map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
-    let mut tiles = tiles(&positions, TILE_RADIUS * diagonal);
-    tiles.iter_mut().flatten().for_each(|index| *index = todo[*index as usize]);
+    let radius = TILE_RADIUS * diagonal;
+    let tiles = match &resume {
+        None => tiles(&receivers.positions, radius),
+        Some(partial) => {
+            let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !partial.done[i as usize]).collect();
+            let positions: Vec<_> = todo.iter().map(|&i| receivers.positions[i as usize]).collect();
+            let mut tiles = tiles(&positions, radius);
+            tiles.iter_mut().flatten().for_each(|index| *index = todo[*index as usize]);
+            tiles
+        }
+    };
+    let todo: usize = tiles.iter().map(Vec::len).sum();
+    let finished_before = (receivers.len() - todo) as u64;
+    // After the tiles, which need memory of their own for a while.
+    let results = Results::new(layout, receivers.len(), resume)?;
     let build_seconds = started.elapsed().as_secs_f64();
 
-    control.begin("integrating", todo.len() as u64);
+    control.begin("integrating", todo as u64);
     let (started, processor) = (Instant::now(), ProcessTime::try_now());
     // One at a time: what is written is little beside what is computed, and each value is in memory once.
     let results = Mutex::new(results);
@@ -173,7 +185,6 @@ impl Results {
             let columns = layout.arrays.iter().map(|(_, _, shape)| vec![0.0; receivers * size(shape)]).collect();
             return Ok(Self { columns, done: vec![false; receivers], counts, solved });
         };
-        partial.check(receivers)?;
         let columns = layout.arrays.iter().map(|(name, _, shape)| match partial.arrays.remove(name) {
             Some(array) if array.shape[1..] == shape[..] => Ok(array.data),
             _ => Err(Error::input(format!("the finished part has no array {name} as asked for; begin anew"))),

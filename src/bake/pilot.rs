@@ -5,7 +5,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::plan::{Candidate, Family, Law};
 use super::tiles::TILE_RECEIVERS;
-use super::{Arrays, Control, Outcome, Prepared, Receivers, Request, Unmoved};
+use super::{Arrays, Control, Method, Outcome, Prepared, Receivers, Request, Unmoved};
 use crate::{Error, Result};
 
 /// A few receivers on which methods are measured before one is chosen for all.
@@ -51,7 +51,9 @@ const REPEATS: usize = 3;
 /// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
 const CAUTION: f64 = 1.4;
 /// Counts beyond this many times the finer level are looked at before they are believed.
-const TRUSTED: f64 = 4.0;
+const TRUSTED: f64 = 2.0;
+/// Where nothing better is known, rays are compared with so many times as many.
+const BETTER: u32 = 4;
 
 impl<'a> Pilot<'a> {
     pub(super) fn new(
@@ -94,14 +96,13 @@ impl<'a> Pilot<'a> {
         let [coarse, fine] = family.levels();
         for &(receivers, share) in family.looks() {
             let look = self.tiles.pick(0..self.tiles.len().min(receivers));
-            let seconds = self.measure(family, coarse, &look, REPEATS)?.0.seconds;
+            let seconds = self.measure(family.method(coarse), coarse, &look, REPEATS)?.0.seconds;
             if share * family.least(aim, f64::from(coarse)) * seconds * all as f64 > best {
                 return Ok(None);
             }
         }
         if family == Family::Exact {
-            let (level, _) =
-                self.measure(family, coarse, &self.tiles.pick(0..self.tiles.len().div_ceil(2)), REPEATS)?;
+            let (level, _) = self.measure(family.method(coarse), coarse, &self.tiles, REPEATS)?;
             return Ok(Some(Candidate::exact(level, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;
@@ -132,25 +133,71 @@ impl<'a> Pilot<'a> {
     /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured.
     pub(super) fn look_again(&self, promised: &Candidate, aim: f64, all: usize) -> Result<Option<Candidate>> {
         let Some(law) = self.lines.filter(|_| promised.family == Family::Isolines) else { return Ok(None) };
-        let [coarse, fine] = law.levels;
+        let [_, fine] = law.levels;
         if f64::from(promised.count) <= TRUSTED * fine.count {
             return Ok(None);
         }
-        let (finer, _) = self.level(Family::Isolines, promised.count)?;
-        Ok(Some(Law::new(Family::Isolines, [coarse, finer]).candidate(aim, all)))
+        let (finer, finer_values) = self.level(Family::Isolines, promised.count)?;
+        let Some(fine_values) = &self.reference else { return Ok(None) };
+        // Less what the finer ones lack themselves.
+        let share = (1.0 + (fine.count / finer.count).powi(3)).sqrt().recip();
+        let fine = Level { rmse: share * difference(fine_values, &finer_values), ..fine };
+        Ok(Some(Law::new(Family::Isolines, [fine, finer]).candidate(aim, all)))
+    }
+
+    /// What rays promise after half of those promised have been tried, and, if these do not reach the error `aim`, all.
+    pub(super) fn settle_rays(
+        &self,
+        promised: &Candidate,
+        goal: f64,
+        aim: f64,
+        all: usize,
+    ) -> Result<Option<Candidate>> {
+        let Some((family, levels)) = &self.rays else { return Ok(None) };
+        let law = Law::new(*family, [levels[0].0, levels[1].0]);
+        let (better, rays) = match &self.reference {
+            Some(lines) => (lines.clone(), f64::INFINITY),
+            None => {
+                let count = promised.count.saturating_mul(BETTER);
+                let other_rays = match family.method(count) {
+                    Method::Qmc { samples, seed } => Method::Qmc { samples, seed: seed + 1 },
+                    Method::Embree { samples, seed, variant } => Method::Embree { samples, seed: seed + 1, variant },
+                    method => method,
+                };
+                (self.measure(other_rays, count, &self.scattered, 1)?.1, f64::from(count))
+            }
+        };
+        let error = |count: u32| {
+            let (_, values) = self.measure(family.method(count), count, &self.scattered, 1)?;
+            // Less what the better ones lack themselves.
+            let share = (1.0 + (f64::from(count) / rays).powf(1.5)).sqrt().recip();
+            Ok::<_, Error>(share * difference(&values, &better))
+        };
+        let half = promised.count / 2;
+        if half >= Family::FEWEST_RAYS {
+            let half_error = error(half)?;
+            if half_error <= aim {
+                return Ok(Some(law.candidate_of(half, half_error, all)));
+            }
+        }
+        let whole_error = error(promised.count)?;
+        if whole_error <= goal {
+            return Ok(Some(law.candidate_of(promised.count, whole_error, all)));
+        }
+        let twice = promised.count.saturating_mul(2);
+        Ok(Some(law.candidate_of(twice, 2f64.powf(-0.75) * whole_error, all)))
     }
 
     /// Time of neighbours, errors and values of scattered receivers.
     fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
-        let (errors, arrays) = self.measure(family, count, &self.scattered, 1)?;
-        let (time, _) = self.measure(family, count, &self.tiles, REPEATS)?;
+        let (errors, arrays) = self.measure(family.method(count), count, &self.scattered, 1)?;
+        let (time, _) = self.measure(family.method(count), count, &self.tiles, REPEATS)?;
         Ok((Level { stated: errors.stated, ..time }, arrays))
     }
 
     /// Time, the least of at most `repeats`, stated error and values of one method.
-    fn measure(&self, family: Family, count: u32, receivers: &Receivers, repeats: usize) -> Result<(Level, Arrays)> {
+    fn measure(&self, method: Method, count: u32, receivers: &Receivers, repeats: usize) -> Result<(Level, Arrays)> {
         let control = Unmoved(self.control);
-        let method = family.method(count);
         let mut least = f64::INFINITY;
         for repeat in 1.. {
             let run = || self.prepared.integrate(receivers, self.request, method, None, &control);

@@ -101,6 +101,9 @@ impl fmt::Display for Plan {
 }
 
 impl Family {
+    /// Rays come at least in such numbers.
+    pub(super) const FEWEST_RAYS: u32 = 8;
+
     /// The member with `count` lines or samples.
     pub fn method(self, count: u32) -> Method {
         match self {
@@ -133,7 +136,7 @@ impl Family {
     pub(super) fn least(self, error: f64, count: f64) -> f64 {
         match self {
             Self::Isolines | Self::Exact => 1.0,
-            Self::Qmc | Self::Embree => (LEAST_RAY_ERROR / error).powf(4.0 / 3.0).max(8.0) / count,
+            Self::Qmc | Self::Embree => (LEAST_RAY_ERROR / error).powf(4.0 / 3.0).max(Self::FEWEST_RAYS.into()) / count,
         }
     }
 
@@ -143,7 +146,10 @@ impl Family {
             Self::Isolines => (count.clamp(4.0, f64::from(1 << 20)) / 4.0).ceil() as u32 * 4,
             Self::Exact => 0,
             // Sobol sets are best, and only then sorted into packets, at powers of two.
-            Self::Qmc | Self::Embree => (count.clamp(8.0, f64::from(1 << 28)).ceil() as u32).next_power_of_two(),
+            Self::Qmc | Self::Embree => {
+                let (fewest, most) = (f64::from(Self::FEWEST_RAYS), f64::from(1 << 28));
+                (count.clamp(fewest, most).ceil() as u32).next_power_of_two()
+            }
         }
     }
 
@@ -199,14 +205,20 @@ impl Law {
         line.max(coarse.seconds * (count / coarse.count).min(1.0))
     }
 
+    /// As many lines or samples as reach `error`.
     pub(super) fn candidate(&self, error: f64, receivers: usize) -> Candidate {
         let count = self.count(error);
+        self.candidate_of(count, self.error(f64::from(count)), receivers)
+    }
+
+    /// So many lines or samples, of which this error is expected.
+    pub(super) fn candidate_of(&self, count: u32, expected_error: f64, receivers: usize) -> Candidate {
         let [coarse, fine] = self.levels;
         let build = fine.build * f64::from(count) / fine.count;
         Candidate {
             family: self.family,
             count,
-            expected_error: self.error(f64::from(count)),
+            expected_error,
             expected_seconds: build + receivers as f64 * self.seconds(f64::from(count)),
             share_of_stated: if coarse.stated > 0.0 { coarse.rmse / coarse.stated } else { 1.0 },
         }
@@ -252,7 +264,8 @@ impl Prepared<'_> {
     /// of them. What is built meanwhile is kept for the run.
     ///
     /// Error along isolines is the difference between two numbers of lines, extrapolated by the exponent that their own
-    /// estimates show; of rays, their difference from those lines.
+    /// estimates show; of rays, their difference from those lines, or from four times as many rays. Which power of two suffices for rays is
+    /// tried: it depends on the luck of one set of directions.
     ///
     /// # Errors
     /// As [`Prepared::integrate`], and [`Error::Interrupted`] when `control` asks to stop.
@@ -297,6 +310,14 @@ impl Prepared<'_> {
             candidates.push(better_known);
         }
         rank(&mut candidates, goal.error);
+        if let Some(at) =
+            candidates.iter().position(|candidate| matches!(candidate.family, Family::Qmc | Family::Embree))
+            && candidates[at].expected_seconds < 2.0 * candidates[0].expected_seconds
+            && let Some(settled) = pilot.settle_rays(&candidates[at], goal.error, aim, all)?
+        {
+            candidates[at] = settled;
+            rank(&mut candidates, goal.error);
+        }
         if let Some(better_known) = pilot.look_again(&candidates[0], aim, all)? {
             candidates[0] = better_known;
             rank(&mut candidates, goal.error);

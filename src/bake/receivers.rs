@@ -69,7 +69,7 @@ impl Receivers {
     /// among those returned.
     pub fn vertices(geometry: &Geometry) -> (Self, Vec<usize>) {
         let mut undirected = Vec::new();
-        let normals = geometry
+        let mut normals: Vec<DVec3> = geometry
             .angle_weighted_normals()
             .into_iter()
             .enumerate()
@@ -80,6 +80,8 @@ impl Receivers {
                 })
             })
             .collect();
+        // The memory of what may be none is larger, and would be kept.
+        normals.shrink_to_fit();
         let positions = geometry.positions.iter().map(|p| p.as_dvec3()).collect();
         (Self { positions, normals, own: OwnFaces::Incident(geometry.vertex_faces()) }, undirected)
     }
