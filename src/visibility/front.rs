@@ -6,12 +6,13 @@ use super::gaps::Gaps;
 /// The gaps of one receiver's isolines, against which boxes are tested in single precision: a sector of a plane each, or a few.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Front {
-    /// The sectors' vectors `out` and `along` in the axes of the chart, and tangents, by component.
-    sectors: [Vec<f32>; 8],
-    /// In the world's axes, by component: normals of the planes, and normals in the planes of the first and the last ray, both away from
-    /// the sector.
-    sides: [[Vec<f32>; 3]; 3],
+    sectors: Vec<Sector>,
+    blocks: Vec<Block>,
 }
+
+/// A few sectors in the world's axes, by component: normals of the planes, and normals in the planes of the first and the last ray, both
+/// away from the sector.
+type Block = [[[f32; LANES]; 3]; 3];
 
 /// A box seen from a receiver.
 struct Look {
@@ -31,21 +32,12 @@ const LANES: usize = 8;
 impl Front {
     /// Takes the gaps as they are now.
     pub(super) fn take<C: Chart>(&mut self, outlook: Outlook<C>, gaps: &Gaps) {
-        self.sectors.iter_mut().for_each(Vec::clear);
-        for (line, begin, end) in gaps.iter() {
-            outlook.chart.sectors(line, begin, end, |Sector { out, along, tangents: [from, to] }| {
-                let values = [out.x, out.y, out.z, along.x, along.y, along.z, from, to];
-                self.sectors.iter_mut().zip(values).for_each(|(lanes, value)| lanes.push(value));
-            });
+        self.sectors.clear();
+        gaps.each(|line, from, to| outlook.chart.sectors(line, from, to, |sector| self.sectors.push(sector)));
+        // The last sector is repeated until all lanes are full.
+        if let Some(&last) = self.sectors.last() {
+            self.sectors.resize(self.sectors.len().next_multiple_of(LANES), last);
         }
-        let count = self.sectors[0].len().next_multiple_of(LANES);
-        for lanes in &mut self.sectors {
-            // The last sector is repeated until all lanes are full.
-            if let Some(&last) = lanes.last() {
-                lanes.resize(count, last);
-            }
-        }
-        self.sides.iter_mut().flatten().for_each(|lanes| lanes.resize(count, 0.0));
         let axes = [outlook.axes.x_axis, outlook.axes.y_axis, outlook.axes.z_axis].map(|axis| axis.as_vec3());
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
@@ -64,28 +56,34 @@ impl Front {
     /// The sides of all sectors.
     #[inline(always)]
     fn turn(&mut self, [x, y, z]: [Vec3; 3]) {
-        let count = self.len();
-        let [out_x, out_y, out_z, along_x, along_y, along_z, from, to] =
-            self.sectors.each_ref().map(|lanes| &lanes[..count]);
-        let [plane, first, last] = &mut self.sides;
-        let [plane, first, last] = [plane, first, last].map(|side| side.each_mut().map(|lanes| &mut lanes[..count]));
-        for i in 0..count {
-            let out = x * out_x[i] + y * out_y[i] + z * out_z[i];
-            let along = x * along_x[i] + y * along_y[i] + z * along_z[i];
-            let across = out.cross(along);
-            let [before, behind] = [from[i], to[i]].map(|tangent| {
-                let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
-                out * (tangent * cosine) - along * cosine
-            });
-            (plane[0][i], plane[1][i], plane[2][i]) = (across.x, across.y, across.z);
-            (first[0][i], first[1][i], first[2][i]) = (before.x, before.y, before.z);
-            (last[0][i], last[1][i], last[2][i]) = (-behind.x, -behind.y, -behind.z);
+        self.blocks.clear();
+        for sectors in self.sectors.chunks_exact(LANES) {
+            let (mut outs, mut alongs, mut tangents) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [[0.0; LANES]; 2]);
+            for (j, sector) in sectors.iter().enumerate() {
+                (outs[0][j], outs[1][j], outs[2][j]) = (sector.out.x, sector.out.y, sector.out.z);
+                (alongs[0][j], alongs[1][j], alongs[2][j]) = (sector.along.x, sector.along.y, sector.along.z);
+                [tangents[0][j], tangents[1][j]] = sector.tangents;
+            }
+            let mut block = [[[0.0; LANES]; 3]; 3];
+            for j in 0..LANES {
+                let out = x * outs[0][j] + y * outs[1][j] + z * outs[2][j];
+                let along = x * alongs[0][j] + y * alongs[1][j] + z * alongs[2][j];
+                let across = out.cross(along);
+                let [before, behind] = [tangents[0][j], tangents[1][j]].map(|tangent| {
+                    let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
+                    out * (tangent * cosine) - along * cosine
+                });
+                for (side, normal) in block.iter_mut().zip([across, before, -behind]) {
+                    (side[0][j], side[1][j], side[2][j]) = (normal.x, normal.y, normal.z);
+                }
+            }
+            self.blocks.push(block);
         }
     }
 
     /// Number of sectors, rounded up to whole lanes.
     pub(super) fn len(&self) -> usize {
-        self.sectors[0].len()
+        self.sectors.len()
     }
 
     /// Whether a box, given by its lowest and highest corner, may be met by one of the gaps: conservatively.
@@ -109,13 +107,12 @@ impl Front {
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "lane by lane, over several arrays")]
     fn meets_inline(&self, Look { centre, half, margin }: &Look) -> bool {
-        for start in (0..self.len()).step_by(LANES) {
-            let [plane, first, last] =
-                self.sides.each_ref().map(|side| side.each_ref().map(|lanes| &lanes[start..start + LANES]));
+        for [plane, first, last] in &self.blocks {
             let mut apart = [0.0f32; LANES];
             for j in 0..LANES {
-                let middle = |[x, y, z]: [&[f32]; 3]| x[j] * centre.x + y[j] * centre.y + z[j] * centre.z;
-                let reach = |[x, y, z]: [&[f32]; 3]| x[j].abs() * half.x + y[j].abs() * half.y + z[j].abs() * half.z;
+                let middle = |[x, y, z]: &[[f32; LANES]; 3]| x[j] * centre.x + y[j] * centre.y + z[j] * centre.z;
+                let reach =
+                    |[x, y, z]: &[[f32; LANES]; 3]| x[j].abs() * half.x + y[j].abs() * half.y + z[j].abs() * half.z;
                 let side = middle(plane).abs() - reach(plane);
                 let before = middle(first) - reach(first);
                 let behind = middle(last) - reach(last);
@@ -183,9 +180,9 @@ mod tests {
         let met = front.meets(outlook.position, box_);
         assert!(met || !seen);
         assert_eq!(met, front.meets_inline(&Look::new(outlook.position, box_)));
-        let dispatched = front.sides.clone();
+        let dispatched = front.blocks.clone();
         front.turn([outlook.axes.x_axis, outlook.axes.y_axis, outlook.axes.z_axis].map(|axis| axis.as_vec3()));
-        assert_eq!(front.sides, dispatched);
+        assert_eq!(front.blocks, dispatched);
         // Nothing covers nothing; something that covers the start and crosses nothing covers all.
         let (mut spans, mut nothing) = (Spans::default(), Crossings::default());
         gaps.cover(outlook.chart, &mut nothing, 0, &ends);

@@ -55,10 +55,14 @@ impl Gaps {
         (count < lines as u32).then_some(&*self.open)
     }
 
-    /// The gaps of all isolines: number of the isoline, begin and end.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64, f64)> {
-        let lines = self.lines.iter().enumerate();
-        lines.flat_map(|(line, gaps)| gaps.chunks_exact(2).map(move |gap| (line, gap[0], gap[1])))
+    /// Calls `visit` with the gaps of all isolines: number of the isoline, begin and end.
+    #[inline(always)]
+    pub(super) fn each(&self, mut visit: impl FnMut(usize, f64, f64)) {
+        for (line, gaps) in self.lines.iter().enumerate() {
+            for gap in gaps.chunks_exact(2) {
+                visit(line, gap[0], gap[1]);
+            }
+        }
     }
 
     /// Puts groups before the isolines that cover the place where W is counted `depth` times, with their crossings. Returns the number
@@ -71,15 +75,6 @@ impl Gaps {
         horizons: &[f64],
     ) -> usize {
         let crossed = crossings.lines();
-        if depth != 0 || !crossings.start_alike() {
-            for line in (0..crossed.start).chain(crossed.end..horizons.len()) {
-                let depth = depth + crossings.base(line);
-                if depth > 0 {
-                    self.lines[line].clear();
-                }
-                self.has_failed |= depth < 0 && !self.lines[line].is_empty();
-            }
-        }
         self.finals.clear();
         self.finals.resize(crossed.len(), None);
         let mut count = 0;
@@ -100,12 +95,21 @@ impl Gaps {
             gaps.extend_from_slice(&self.cut);
             self.finals[line - crossed.start] = Some(end);
             if let (true, Some(partner)) = (horizons[line] == C::END, chart.partner(line)) {
-                // What is not crossed ends as it starts.
+                // What is not crossed ends as it starts; of what is covered not all crossings are known.
                 let other = match crossed.contains(&partner) {
                     true => self.finals[partner - crossed.start],
-                    false => Some(depth + crossings.base(partner)),
+                    false => (!self.lines[partner].is_empty()).then(|| depth + crossings.base(partner)),
                 };
                 self.has_failed |= horizons[partner] == C::END && other.is_some_and(|other| other != end);
+            }
+        }
+        if depth != 0 || !crossings.start_alike() {
+            for line in (0..crossed.start).chain(crossed.end..horizons.len()) {
+                let depth = depth + crossings.base(line);
+                if depth > 0 {
+                    self.lines[line].clear();
+                }
+                self.has_failed |= depth < 0 && !self.lines[line].is_empty();
             }
         }
         count

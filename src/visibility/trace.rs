@@ -150,7 +150,7 @@ impl<P: Copy> Tracer<P> {
         let position = look.outlook.position;
         self.stack.clear();
         self.stack.push((boxes.len() - 1, 0));
-        self.stack.extend(depths.iter().rev().map(|&(group, _)| (0, group)));
+        self.push_sorted(0, depths.iter().map(|&(group, _)| group), &boxes[0], position.as_vec3());
         let mut is_taken = false;
         while let Some((level, index)) = self.stack.pop() {
             if level == 0 && self.entered[index as usize] == self.receiver {
@@ -175,7 +175,9 @@ impl<P: Copy> Tracer<P> {
                 self.enter(index..index + 1, depths, look, found);
                 is_taken = false;
             } else {
-                self.push_children(level - 1, index, &boxes[level - 1], position.as_vec3());
+                let boxes = &boxes[level - 1];
+                let children = 8 * index..(8 * index + 8).min(boxes.len() as u32);
+                self.push_sorted(level - 1, children, boxes, position.as_vec3());
             }
         }
         let is_open = self.counts.above == 0 && depths.is_empty();
@@ -222,13 +224,12 @@ impl<P: Copy> Tracer<P> {
         }
     }
 
-    /// Eight boxes at most, the nearest last.
-    fn push_children(&mut self, level: usize, parent: u32, boxes: &[[Vec3; 2]], p: Vec3) {
-        let children = 8 * parent..(8 * parent + 8).min(boxes.len() as u32);
+    /// Puts boxes of one level on the stack, the nearest last.
+    fn push_sorted(&mut self, level: usize, indices: impl Iterator<Item = u32>, boxes: &[[Vec3; 2]], p: Vec3) {
         let mut sorted: SmallVec<[(f32, u32); 8]> =
-            children.map(|child| (distance_squared(boxes[child as usize], p), child)).collect();
+            indices.map(|index| (distance_squared(boxes[index as usize], p), index)).collect();
         sorted.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)));
-        self.stack.extend(sorted.iter().map(|&(_, child)| (level, child)));
+        self.stack.extend(sorted.iter().map(|&(_, index)| (level, index)));
     }
 }
 

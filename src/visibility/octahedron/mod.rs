@@ -2,10 +2,12 @@
 
 mod pieces;
 
+use std::f32::consts::FRAC_1_SQRT_2;
+use std::f64::consts::SQRT_2;
 use std::ops::{ControlFlow, Range};
 
 use dual_bvh::face_sign;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::chart::{Chart, Outlook, Sector};
 use super::contours::arc_plane;
@@ -34,6 +36,9 @@ use pieces::{Passage, Piece, Place, Slopes, passage, spine_jump};
 pub struct Isolines {
     /// r = u / (1 - |u|) of every isoline, twice: for its halves.
     ratios: Vec<f64>,
+    /// The directions of an isoline lie on a straight line in each quadrant. Its point next to the receiver, normalised: x and |y| = |z|;
+    /// and half of its length over the distance of that point.
+    middles: Vec<[f32; 3]>,
 }
 
 impl Isolines {
@@ -49,7 +54,13 @@ impl Isolines {
             )));
         }
         let ratios = (0..count).map(|i| Self::position(count, i)).map(|u| u / (1.0 - u.abs()));
-        Ok(Self { ratios: ratios.clone().chain(ratios).collect() })
+        let middle = |u: f64| {
+            let half = 0.5 * (1.0 - u.abs());
+            let distance = (u * u + 2.0 * half * half).sqrt();
+            [u / distance, half / distance, half * SQRT_2 / distance].map(|x| x as f32)
+        };
+        let middles = (0..count).map(|i| middle(Self::position(count, i))).collect();
+        Ok(Self { ratios: ratios.clone().chain(ratios).collect(), middles })
     }
 
     fn position(count: usize, line: usize) -> f64 {
@@ -184,24 +195,20 @@ impl Chart for Isolines {
         line.checked_sub(self.len())
     }
 
-    /// In each quadrant the directions lie on a line: its middle is perpendicular to it.
     #[inline(always)]
     fn sectors(&self, line: usize, from: f64, to: f64, mut put: impl FnMut(Sector)) {
         let lines = self.len();
-        let (side, u) = if line < lines { (1.0, self.u(line)) } else { (-1.0, self.u(line - lines)) };
-        let half = 0.5 * (1.0 - u.abs());
-        let reach = (u * u + 2.0 * half * half).sqrt();
-        // Half a quadrant is so many of the middle's lengths.
-        let width = half * std::f64::consts::SQRT_2 / reach;
-        for (up, first) in [(1.0, 0.0), (-1.0, 1.0)] {
-            let (from, to) = (from.max(first) - first, to.min(first + 1.0) - first);
-            if from < to {
-                // Before the fold y grows and z falls; behind it both fall.
-                let out = DVec3::new(u, side * half, up * half) / reach;
-                let along = DVec3::new(0.0, side * up, -1.0) * std::f64::consts::FRAC_1_SQRT_2;
-                let tangents = [from, to].map(|f| ((2.0 * f - 1.0) * width) as f32);
-                put(Sector { out: out.as_vec3(), along: along.as_vec3(), tangents });
-            }
+        let (side, line) = if line < lines { (1.0, line) } else { (-1.0, line - lines) };
+        let [x, y, width] = self.middles[line];
+        // Before the fold |y| grows and z falls; behind it both fall.
+        let tangent = |s: f64| (2.0 * s - 1.0) as f32 * width;
+        if from < 1.0 {
+            let (out, along) = (Vec3::new(x, side * y, y), Vec3::new(0.0, side, -1.0) * FRAC_1_SQRT_2);
+            put(Sector { out, along, tangents: [tangent(from), tangent(to.min(1.0))] });
+        }
+        if to > 1.0 {
+            let (out, along) = (Vec3::new(x, side * y, -y), Vec3::new(0.0, -side, -1.0) * FRAC_1_SQRT_2);
+            put(Sector { out, along, tangents: [tangent(from.max(1.0) - 1.0), tangent(to - 1.0)] });
         }
     }
 }
@@ -214,7 +221,12 @@ fn depth_of(outlook: Outlook<Isolines>, faces: &FaceTree, face: u32, line: u32) 
     let [a, b, c] = faces.corners(face);
     let sign = face_sign(position, a, b, c);
     let corners = [a, b, c].map(|x| x.as_dvec3());
-    let places = corners.map(|x| Place::of(outlook.apply(x - position), chart));
+    let directions = corners.map(|x| outlook.apply(x - position));
+    if directions.iter().all(|w| w.y >= 0.0) || directions.iter().all(|w| w.y < 0.0) {
+        // No edge passes the plane of the spine.
+        return 0;
+    }
+    let places = directions.map(|w| Place::of(w, chart));
     let (mut here, mut total) = (0, 0);
     for (i, j) in [(0, 1), (1, 2), (2, 0)] {
         // Edges run from the smaller vertex id to the larger, as they do among the candidates.
