@@ -20,7 +20,8 @@ pub struct LightTable {
     /// Slabs that tell the error, for each axis.
     samples: [Vec<Sample>; 3],
     /// One table for each axis along which isolines may follow one another: by quadrant, then by cell, then by isoline. Where spans
-    /// end changes little from one isoline to the next, so that they find their neighbours' memory near.
+    /// end changes little from one isoline to the next, so that they find their neighbours' memory near. Behind them, by quadrant,
+    /// the light of whole quadrants, summed up over the isolines before each one.
     axes: [Vec<[f64; 9]>; 3],
 }
 
@@ -51,22 +52,25 @@ impl LightTable {
         let lines = isolines.len();
         let most = MEMORY / (lines * 4 * size_of::<[f64; 9]>());
         let cells = (lines / 2).max(64).min(most.max(16));
-        let mut axes = [(); 3].map(|()| vec![[0.0; 9]; lines * 4 * (cells + 1)]);
+        let size = 4 * lines * (cells + 1);
+        let mut axes = [(); 3].map(|()| vec![[0.0; 9]; size + 4 * (lines + 1)]);
         let patches = (3 * lines).min(MOST_ROWS).div_ceil(environment.height());
         axes.par_iter_mut().enumerate().for_each(|(axis, sums)| {
             for (moment, radiance) in environment.patches(patches) {
                 let added: [f64; 9] = std::array::from_fn(|i| f64::from(radiance[i / 3]) * moment[i % 3]);
                 let (line, quadrant, fraction) = place(lines, cycle(moment, axis));
                 let cell = ((fraction * cells as f64) as usize).min(cells - 1);
-                let sum = &mut sums[(quadrant * (cells + 1) + cell + 1) * lines + line];
-                sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
+                accumulate(&mut sums[(quadrant * (cells + 1) + cell + 1) * lines + line], &added);
             }
-            for quadrant in sums.chunks_mut((cells + 1) * lines) {
+            let (sums, wholes) = sums.split_at_mut(size);
+            for (sums, wholes) in sums.chunks_mut(lines * (cells + 1)).zip(wholes.chunks_mut(lines + 1)) {
                 for cell in 1..=cells {
-                    let (before, here) = quadrant[(cell - 1) * lines..].split_at_mut(lines);
-                    for (sum, before) in here.iter_mut().zip(before) {
-                        sum.iter_mut().zip(before).for_each(|(sum, before)| *sum += *before);
-                    }
+                    let (before, here) = sums[(cell - 1) * lines..].split_at_mut(lines);
+                    here.iter_mut().zip(before).for_each(|(sum, before)| accumulate(sum, before));
+                }
+                for line in 0..lines {
+                    wholes[line + 1] = wholes[line];
+                    accumulate(&mut wholes[line + 1], &sums[lines * cells + line]);
                 }
             }
         });
@@ -82,13 +86,36 @@ impl LightTable {
 
     /// Adds up the light of visible spans of isolines in this frame.
     pub fn integrate(&self, frame: Frame, spans: &Spans, moments: &mut LightMoments) {
-        moments.rows.clear();
+        let rows = &mut moments.rows;
+        rows.clear();
+        rows.reserve(2 * spans.ends().len());
         for half in 0..2 {
-            for line in 0..self.lines {
-                legs(frame, half, self.span(spans, half, line), |leg| self.look_up(line, leg, 1.0, &mut moments.rows));
+            let quadrants = quadrants(frame, half);
+            // Whole quadrants of neighbouring isolines are added at once.
+            let mut runs = [None; 2];
+            for line in 0..=self.lines {
+                let whole = if line == self.lines {
+                    [false; 2]
+                } else {
+                    cut(half, self.ends(spans, half, line), |leg, end, sign| {
+                        self.look_up(line, quadrants[leg], end, sign, rows);
+                    })
+                };
+                for ((run, whole), quadrant) in runs.iter_mut().zip(whole).zip(quadrants) {
+                    match *run {
+                        None if whole => *run = Some(line),
+                        Some(first) if !whole => {
+                            let before = |line| (self.size() + quadrant * (self.lines + 1) + line) as u32;
+                            rows.push(Row { row: before(line), weight: 1.0 });
+                            rows.push(Row { row: before(first), weight: -1.0 });
+                            *run = None;
+                        }
+                        _ => {}
+                    }
+                }
             }
         }
-        moments.sum = self.add(frame, &moments.rows, 0..moments.rows.len());
+        moments.sum = self.add(frame, rows, 0..rows.len());
     }
 
     /// The error to expect of each number of [`LightMoments::vectors`] for the same spans: every other slab under the mean of what its
@@ -105,7 +132,14 @@ impl LightTable {
             let neighbours = [line.wrapping_sub(1), line + 1].into_iter().filter(|&other| other < self.lines);
             for (from, factor) in neighbours.map(|other| (other, share)).chain([(line, 1.0)]) {
                 for half in 0..2 {
-                    legs(frame, half, self.span(spans, half, from), |leg| self.look_up(line, leg, factor, rows));
+                    let quadrants = quadrants(frame, half);
+                    let whole = cut(half, self.ends(spans, half, from), |leg, end, sign| {
+                        self.look_up(line, quadrants[leg], end, sign * factor, rows);
+                    });
+                    for (quadrant, _) in quadrants.into_iter().zip(whole).filter(|(_, whole)| *whole) {
+                        let (row, _) = self.cell(line, quadrant, 1.0);
+                        rows.push(Row { row: (row + self.lines) as u32, weight: factor });
+                    }
                 }
             }
             bounds.push(rows.len());
@@ -120,13 +154,12 @@ impl LightTable {
                 *square += weight * difference * difference;
             }
             for half in 0..2 {
-                legs(frame, half, self.span(spans, half, line), |Leg { quadrant, from, to }| {
-                    for end in [from, to] {
-                        let (row, _) = self.cell(line, quadrant, end);
-                        let [low, high] = [row, row + self.lines].map(|row| &self.axes[frame.axis()][row]);
-                        for (square, (low, high)) in squares.iter_mut().zip(low.iter().zip(high)) {
-                            *square += weight * UNEVEN * UNEVEN * (high - low).powi(2);
-                        }
+                let quadrants = quadrants(frame, half);
+                cut(half, self.ends(spans, half, line), |leg, end, _| {
+                    let (row, _) = self.cell(line, quadrants[leg], end);
+                    let [low, high] = [row, row + self.lines].map(|row| &self.axes[frame.axis()][row]);
+                    for (square, (low, high)) in squares.iter_mut().zip(low.iter().zip(high)) {
+                        *square += weight * UNEVEN * UNEVEN * (high - low).powi(2);
                     }
                 });
             }
@@ -136,25 +169,25 @@ impl LightTable {
         [0, 3, 6].map(|i| DVec3::from_array([i, i + 1, i + 2].map(|i| error((&sums[i], &squares[i])).sqrt())))
     }
 
+    /// Number of sums along isolines.
+    fn size(&self) -> usize {
+        4 * self.lines * (self.cells + 1)
+    }
+
     /// Ends of the spans of one half of an isoline.
     #[inline(always)]
-    fn span<'s>(&self, spans: &'s Spans, half: usize, line: usize) -> &'s [f64] {
+    fn ends<'s>(&self, spans: &'s Spans, half: usize, line: usize) -> &'s [f64] {
         &spans.ends()[spans.of(half * self.lines + line)]
     }
 
-    /// The weighted rows that give the light of a leg in the slab of an isoline, times `factor`.
+    /// The weighted rows that give the light of a quadrant up to a fraction, in the slab of an isoline, times `factor`.
     #[inline(always)]
-    fn look_up(&self, line: usize, Leg { quadrant, from, to }: Leg, factor: f64, rows: &mut Vec<Row>) {
-        for (end, factor) in [(to, factor), (from, -factor)] {
-            if end == 0.0 {
-                continue;
-            }
-            let (row, part) = self.cell(line, quadrant, end);
-            if part < 1.0 {
-                rows.push(Row { row: row as u32, weight: factor * (1.0 - part) });
-            }
-            rows.push(Row { row: (row + self.lines) as u32, weight: factor * part });
-        }
+    fn look_up(&self, line: usize, quadrant: usize, fraction: f64, factor: f64, rows: &mut Vec<Row>) {
+        let (row, part) = self.cell(line, quadrant, fraction);
+        rows.extend([
+            Row { row: row as u32, weight: factor * (1.0 - part) },
+            Row { row: (row + self.lines) as u32, weight: factor * part },
+        ]);
     }
 
     /// The row of the sums before the cell in which a fraction of a quadrant lies, and how far along the cell. The next cell's
@@ -186,7 +219,7 @@ struct Row {
 }
 
 /// How many rows ahead memory is asked for.
-const AHEAD: usize = 16;
+const AHEAD: usize = 32;
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
@@ -210,27 +243,42 @@ fn add_inline(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9]
     sum
 }
 
-/// A part of a span in one quadrant: between two fractions.
-#[derive(Clone, Copy, Debug)]
-struct Leg {
-    quadrant: usize,
-    from: f64,
-    to: f64,
+/// The quadrants of one half of an isoline, at the spine and beyond.
+fn quadrants(frame: Frame, half: usize) -> [usize; 2] {
+    [[0, 1], [3, 2]][half].map(|quadrant| frame.quadrant(quadrant))
 }
 
-/// Cuts the spans of half an isoline at the fold.
+/// Light of spans of half an isoline from sums that begin where its quadrants do: calls `sum` with the numbers of quadrants, fractions of
+/// them, and whether the sum up to there is to be added or subtracted (1 or -1). Returns which whole quadrants are to be added.
 #[inline(always)]
-fn legs(frame: Frame, half: usize, ends: &[f64], mut leg: impl FnMut(Leg)) {
+fn cut(half: usize, ends: &[f64], mut sum: impl FnMut(usize, f64, f64)) -> [bool; 2] {
+    let mut whole = [false; 2];
     for span in ends.chunks_exact(2) {
-        for (start, quadrant) in [[0, 1], [3, 2]][half].into_iter().enumerate() {
-            let start = start as f64;
-            let (from, to) = (span[0].max(start) - start, span[1].min(start + 1.0) - start);
-            if from < to {
-                let (from, to) = if half == 0 { (from, to) } else { (1.0 - to, 1.0 - from) };
-                leg(Leg { quadrant: frame.quadrant(quadrant), from, to });
+        let (from, to) = (span[0], span[1]);
+        let [near, far] = match half {
+            0 => [(from < 1.0) & (to >= 1.0), to == 2.0],
+            _ => [from == 0.0, (from <= 1.0) & (to > 1.0)],
+        };
+        whole = [whole[0] | near, whole[1] | far];
+        for (end, sign) in [(to, 1.0), (from, -1.0)] {
+            let leg = usize::from(end >= 1.0);
+            let fraction = end - leg as f64;
+            // Sums are known where quadrants begin and end.
+            if fraction == 0.0 || end == 2.0 {
+                continue;
+            }
+            match half {
+                0 => sum(leg, fraction, sign),
+                // It runs against the quadrants.
+                _ => sum(leg, 1.0 - fraction, -sign),
             }
         }
     }
+    whole
+}
+
+fn accumulate(sum: &mut [f64; 9], added: &[f64; 9]) {
+    sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
 }
 
 /// Chooses slabs by the light of each: the brightest stand for themselves, others for the rest.
@@ -274,5 +322,62 @@ impl LightMoments {
     /// Vector irradiance of each colour, integral of L V w.
     pub fn vectors(&self) -> [DVec3; 3] {
         [0, 3, 6].map(|i| DVec3::from_slice(&self.sum[i..i + 3]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Sky;
+
+    /// Spans from the whole to a point, with and without gaps, that begin and end at the spine, the fold, the far corner and anywhere,
+    /// against the sums of their cells.
+    #[test]
+    fn spans_add_up_to_their_cells() {
+        let isolines = Isolines::new(8).unwrap();
+        let table = LightTable::new(&isolines, &Sky { height: 32, ..Sky::default() }.environment().unwrap());
+        let places = [0.0, 0.25, 0.3, 1.0, 1.25, 1.7, 2.0];
+        let pairs = (0..places.len()).flat_map(|i| (i + 1..places.len()).map(move |j| (places[i], places[j])));
+        let mut cases: Vec<Vec<(f64, f64)>> = pairs.map(|pair| vec![pair]).collect();
+        cases.extend([
+            vec![],
+            vec![(0.0, 0.25), (1.0, 2.0)],
+            vec![(0.0, 1.0), (1.25, 1.7)],
+            vec![(0.3, 1.25), (1.7, 2.0)],
+        ]);
+        let mut moments = LightMoments::default();
+        for shift in 0..cases.len() {
+            let lines: Vec<&[(f64, f64)]> = (0..16).map(|i| &*cases[(shift + i * i) % cases.len()]).collect();
+            for rank in 0..3 {
+                let frame = Frame::facing(Some(DVec3::new(0.3, -0.5, 0.8)), rank);
+                table.integrate(frame, &Spans::new(&lines), &mut moments);
+                let mut expected = [0.0; 9];
+                for (line, spans) in lines.iter().enumerate() {
+                    let (half, line) = (line / 8, line % 8);
+                    for (leg, quadrant) in quadrants(frame, half).into_iter().enumerate() {
+                        for cell in 0..table.cells {
+                            let [low, high] = [cell, cell + 1].map(|cell| {
+                                let s = cell as f64 / table.cells as f64;
+                                leg as f64 + if half == 0 { s } else { 1.0 - s }
+                            });
+                            let (low, high) = (low.min(high), low.max(high));
+                            let seen: f64 =
+                                spans.iter().map(|(from, to)| (to.min(high) - from.max(low)).max(0.0)).sum();
+                            let (row, _) = table.cell(line, quadrant, cell as f64 / table.cells as f64);
+                            let [low, high] = [row, row + table.lines].map(|row| table.axes[frame.axis()][row]);
+                            for (expected, (low, high)) in expected.iter_mut().zip(low.iter().zip(high)) {
+                                *expected += (high - low) * seen * table.cells as f64;
+                            }
+                        }
+                    }
+                }
+                let scale: f64 = table.axes[0].last().unwrap().iter().map(|x| x.abs()).sum();
+                for (found, expected) in moments.sum.iter().zip(expected) {
+                    assert!((found - expected).abs() < 1e-12 * scale, "{found} instead of {expected}");
+                }
+                let rows = &moments.rows;
+                assert_eq!(moments.sum, add_inline(&table.axes[frame.axis()], rows, 0..rows.len()));
+            }
+        }
     }
 }

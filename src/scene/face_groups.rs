@@ -17,7 +17,7 @@ pub(super) struct FaceGroups {
 
 impl FaceGroups {
     /// Most faces in a group: their test costs more than a box's.
-    pub(super) const MOST: usize = 4;
+    pub(super) const MOST: usize = 8;
 
     /// Groups the faces `triangles`, which index into `positions`.
     pub(super) fn new(positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {

@@ -345,6 +345,7 @@ impl<P: Copy> Crossings<P> {
     }
 
     /// The crossings of one isoline, which are now sorted; take each apart with [`crossing`].
+    #[inline(always)]
     pub(super) fn sorted(&mut self, line: usize) -> &[i64] {
         let Pieces { lines, starts, .. } = &self.pieces;
         if !lines.contains(&line) {

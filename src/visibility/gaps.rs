@@ -117,7 +117,7 @@ impl Gaps {
 
     /// What is left.
     pub(super) fn finish<C: Chart>(&self, spans: &mut Spans) {
-        spans.clear();
+        spans.clear(self.lines.len());
         for gaps in &self.lines {
             spans.begin_line();
             for gap in gaps.chunks_exact(2) {

@@ -24,12 +24,16 @@ impl Spans {
         spans
     }
 
-    pub(super) fn clear(&mut self) {
+    /// Forgets all, and makes room for so many isolines.
+    pub(super) fn clear(&mut self, lines: usize) {
         self.starts.clear();
+        self.starts.reserve(lines + 1);
         self.ends.clear();
+        self.ends.reserve(2 * lines);
     }
 
     /// What is added from now on belongs to the next isoline.
+    #[inline(always)]
     pub(super) fn begin_line(&mut self) {
         self.starts.push(self.ends.len() as u32);
     }

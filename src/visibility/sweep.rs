@@ -15,8 +15,9 @@ pub(super) fn sweep<C: Chart>(
     spans: &mut Spans,
     finals: &mut Vec<i32>,
 ) -> usize {
-    spans.clear();
+    spans.clear(horizons.len());
     finals.clear();
+    finals.resize(horizons.len(), 0);
     let mut alarms = 0;
     for (line, &horizon) in horizons.iter().enumerate() {
         spans.begin_line();
@@ -25,9 +26,12 @@ pub(super) fn sweep<C: Chart>(
         let end = follow::<C>(crossings.sorted(line), base, horizon, |from, to, depth| {
             is_below |= spans.add::<C>(from, to) && depth < 0;
         });
-        finals.push(end);
-        let partner = outlook.chart.partner(line).filter(|&partner| horizon == C::END && horizons[partner] == C::END);
-        let differs = partner.is_some_and(|partner| finals[partner] != end);
+        let mut differs = false;
+        if horizon == C::END {
+            finals[line] = end;
+            let partner = outlook.chart.partner(line).filter(|&partner| horizons[partner] == C::END);
+            differs = partner.is_some_and(|partner| finals[partner] != end);
+        }
         alarms += usize::from(is_below || differs);
     }
     spans.end();

@@ -188,15 +188,15 @@ impl Chart for Meridians {
         let lines = chart.len();
         faces.visit(position, -axes.z_axis, |face| {
             if !excluded.contains(&face) {
-                let vertices = faces.vertices(face);
                 let [a, b, c] = faces.corners(face);
-                let sign = i32::from(face_sign(position, a, b, c));
                 let corners = [a, b, c].map(|x| x.as_dvec3());
                 let [u, v, w] = corners.map(|x| outlook.apply(x - position));
                 if are_beside_axis(u.x, v.x, w.x) || are_beside_axis(u.y, v.y, w.y) {
                     // Seen from one side of the axis, whatever the rounding, no face lies around it.
                     return ControlFlow::Continue(());
                 }
+                let vertices = faces.vertices(face);
+                let sign = i32::from(face_sign(position, a, b, c));
                 let places = [u, v, w].map(|w| chart.place(w));
                 let mut total = 0;
                 for (i, j) in [(0, 1), (1, 2), (2, 0)] {

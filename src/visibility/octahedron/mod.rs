@@ -217,15 +217,15 @@ impl Chart for Isolines {
 /// face whose plane holds the receiver to rounding, as its contours have it).
 fn depth_of(outlook: Outlook<Isolines>, faces: &FaceTree, face: u32, line: u32) -> i32 {
     let Outlook { chart, position, .. } = outlook;
-    let vertices = faces.vertices(face);
     let [a, b, c] = faces.corners(face);
-    let sign = face_sign(position, a, b, c);
     let corners = [a, b, c].map(|x| x.as_dvec3());
     let directions = corners.map(|x| outlook.apply(x - position));
     if directions.iter().all(|w| w.y >= 0.0) || directions.iter().all(|w| w.y < 0.0) {
         // No edge passes the plane of the spine.
         return 0;
     }
+    let vertices = faces.vertices(face);
+    let sign = face_sign(position, a, b, c);
     let places = directions.map(|w| Place::of(w, chart));
     let (mut here, mut total) = (0, 0);
     for (i, j) in [(0, 1), (1, 2), (2, 0)] {
@@ -267,7 +267,7 @@ fn horizon(n: DVec3, r: f64, side: f64) -> f64 {
 pub fn open_spans(isolines: &Isolines, frame: Frame, normal: Option<DVec3>, spans: &mut Spans) {
     let mut horizons = Vec::new();
     Isolines::horizons(Outlook { chart: isolines, axes: frame.axes(), position: DVec3::ZERO, normal }, &mut horizons);
-    spans.clear();
+    spans.clear(horizons.len());
     for &horizon in &horizons {
         spans.begin_line();
         spans.add::<Isolines>(Isolines::START, horizon);
