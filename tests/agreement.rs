@@ -355,7 +355,7 @@ fn skips_change_no_bit() {
             let count = |name: &str| (found.statistics.skipped[name], expected.statistics.skipped[name]);
             assert!(skips.shared_searches || count("shared_searches").0 == 0);
             assert!(skips.hidden_bodies || count("hidden_bodies").0 == 0);
-            assert_eq!(count("hidden_bodies").1 > 0, std::ptr::eq(geometry, &building));
+            assert!(!std::ptr::eq(geometry, &building) || count("hidden_bodies").1 > 0);
             assert!(skips.below_horizon || count("contours_below_horizon").0 >= count("contours_below_horizon").1);
         }
     }

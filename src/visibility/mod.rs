@@ -20,7 +20,6 @@ mod view;
 pub use contours::{Arc, ReceiverContours};
 pub use crossings::Counts;
 pub use meridians::{MeridianFrame, Meridians};
-pub(crate) use octahedron::cycle;
 pub use octahedron::{Frame, Isolines, open_spans};
 pub use skips::Skips;
 pub use spans::Spans;

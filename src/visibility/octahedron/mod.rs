@@ -331,7 +331,7 @@ impl Frame {
 }
 
 /// The coordinates from the one numbered `axis` on, cyclically.
-pub(crate) fn cycle(w: DVec3, axis: usize) -> DVec3 {
+fn cycle(w: DVec3, axis: usize) -> DVec3 {
     match axis {
         0 => w,
         1 => DVec3::new(w.y, w.z, w.x),
