@@ -16,8 +16,8 @@ pub(super) struct Gaps {
     has_failed: bool,
     /// Number of isolines with gaps before each one, twice around the sphere.
     open: Vec<u32>,
-    free: Vec<f64>,
-    cut: Vec<f64>,
+    /// Where a group leaves an isoline free.
+    free: Vec<[f64; 2]>,
     /// A group's depth complexity where the isolines end, as far as it is known.
     finals: Vec<Option<i32>>,
 }
@@ -87,12 +87,10 @@ impl Gaps {
             self.free.clear();
             let base = depth + crossings.base(line);
             let end = follow::<C>(crossings.sorted(line), base, horizons[line], |from, to, depth| {
-                self.free.extend([from, to]);
+                self.free.push([from, to]);
                 self.has_failed |= depth < 0 && C::are_apart(from, to);
             });
-            intersection(gaps, &self.free, &mut self.cut);
-            gaps.clear();
-            gaps.extend_from_slice(&self.cut);
+            *gaps = intersection(gaps, &self.free);
             self.finals[line - crossed.start] = Some(end);
             if let (true, Some(partner)) = (horizons[line] == C::END, chart.partner(line)) {
                 // What is not crossed ends as it starts; of what is covered not all crossings are known.
@@ -129,18 +127,26 @@ impl Gaps {
 }
 
 /// The parts of positive length that two ascending rows of intervals have in common.
-fn intersection(a: &[f64], b: &[f64], out: &mut Vec<f64>) {
-    out.clear();
-    let (mut i, mut j) = (0, 0);
-    while i < a.len() && j < b.len() {
-        let (from, to) = (a[i].max(b[j]), a[i + 1].min(b[j + 1]));
-        if from < to {
-            out.extend([from, to]);
-        }
-        if a[i + 1] < b[j + 1] {
-            i += 2;
-        } else {
-            j += 2;
+#[inline(always)]
+fn intersection(gaps: &[f64], free: &[[f64; 2]]) -> SmallVec<[f64; 4]> {
+    let mut common = SmallVec::new();
+    let mut free = free.iter();
+    let Some(mut next) = free.next() else { return common };
+    for gap in gaps.chunks_exact(2) {
+        loop {
+            let (from, to) = (gap[0].max(next[0]), gap[1].min(next[1]));
+            if from < to {
+                common.push(from);
+                common.push(to);
+            }
+            if gap[1] < next[1] {
+                break;
+            }
+            match free.next() {
+                Some(later) => next = later,
+                None => return common,
+            }
         }
     }
+    common
 }

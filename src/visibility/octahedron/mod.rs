@@ -98,8 +98,7 @@ impl Isolines {
 const TIE: f64 = 1e-9;
 
 /// What is followed are the halves of isolines, all those in y >= 0 before those in y < 0, from the spine on: positions in [0, 1] run to
-/// the fold z = 0 and those in [1, 2] on to the far corner. W is counted where the isoline next to u = 0 whose spine is above the
-/// horizon starts.
+/// the fold z = 0 and those in [1, 2] on to the far corner. W is counted where one of them starts.
 impl Chart for Isolines {
     type Piece = Piece;
 
@@ -220,8 +219,7 @@ fn depth_of(outlook: Outlook<Isolines>, faces: &FaceTree, face: u32, line: u32) 
     let [a, b, c] = faces.corners(face);
     let corners = [a, b, c].map(|x| x.as_dvec3());
     let directions = corners.map(|x| outlook.apply(x - position));
-    if directions.iter().all(|w| w.y >= 0.0) || directions.iter().all(|w| w.y < 0.0) {
-        // No edge passes the plane of the spine.
+    if is_beside_line(directions, chart.ratios[line as usize]) {
         return 0;
     }
     let vertices = faces.vertices(face);
@@ -242,10 +240,24 @@ fn depth_of(outlook: Outlook<Isolines>, faces: &FaceTree, face: u32, line: u32) 
     here + (-total).max(0)
 }
 
-/// The isoline next to u = 0 whose spine is above the horizon.
+/// Whether a face with corners in these directions does not cover the spine at the isoline with ratio `r`, whatever the rounding: all of
+/// it lies on one side of the plane of the spine, or of the plane x = r z.
+fn is_beside_line(corners: [DVec3; 3], r: f64) -> bool {
+    const MARGIN: f64 = 1e-6;
+    let is_beside = |values: [f64; 3], size: f64| {
+        values.iter().all(|&value| value > MARGIN * size) || values.iter().all(|&value| value < -MARGIN * size)
+    };
+    let size = corners.iter().fold(0.0, |size: f64, w| size.max(w.abs().max_element()));
+    is_beside(corners.map(|w| w.y), size) || is_beside(corners.map(|w| w.x - r * w.z), (1.0 + r.abs()) * size)
+}
+
+/// An isoline whose spine is above the horizon, in no plane of the axes, in which many scenes have faces.
 fn base_line(outlook: Outlook<Isolines>) -> usize {
+    /// Its u.
+    const ASIDE: f64 = 0.37;
     let half = outlook.chart.len() / 2;
-    if outlook.normal.is_some_and(|n| outlook.apply(n).x < 0.0) { half - 1 } else { half }
+    let aside = (ASIDE * half as f64) as usize;
+    if outlook.normal.is_some_and(|n| outlook.apply(n).x < 0.0) { half - 1 - aside } else { half + aside }
 }
 
 /// Where the half of an isoline with ratio `r` on one side, that of the sign of y, sinks below the horizon of normal `n` (in the
