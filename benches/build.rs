@@ -14,7 +14,7 @@ use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments
 use silhouette::reference::RayScene;
 use silhouette::scene::{FaceTree, Scene, Sky};
 use silhouette::sphere::Order;
-use silhouette::visibility::{Frame, Isolines, Meridians, Spans, open_intervals};
+use silhouette::visibility::{Frame, Isolines, Meridians, Spans, open_spans};
 
 const LINES: usize = 256;
 
@@ -42,14 +42,14 @@ fn bench(criterion: &mut Criterion) {
     let light = LightTable::new(&isolines, &sky);
     // Half of the sphere, up to the equator: its normal is the start.
     let mut moments = LineMoments::default();
-    let half = vec![&[(-Spans::POLE, 0.0)][..]; meridians.len()];
+    let half = vec![&[(-Meridians::POLE, 0.0)][..]; meridians.len()];
     harmonics.integrate(&Spans::new(&half), &mut moments);
     let sum: Vec<f64> = moments.sets[0].iter().zip(&moments.sets[1]).map(|(even, odd)| even + odd).collect();
     assert!((ambient_occlusion(&sum, DVec3::NEG_Z) - 1.0).abs() < 1e-12, "harmonics along lines");
     let mut moments = LightMoments::default();
-    moments.clear(&light);
-    let frame = Frame::facing(None, 0);
-    open_intervals(&isolines, frame, None, |interval| moments.add(&light, frame.axis(), interval));
+    let (frame, mut open) = (Frame::facing(None, 0), Spans::default());
+    open_spans(&isolines, frame, None, &mut open);
+    light.integrate(frame, &open, &mut moments);
     let expected = sky.patches(1).map(|(moment, radiance)| moment * f64::from(radiance.x)).sum::<DVec3>();
     assert!(moments.vectors()[0].distance(expected) < 1e-9, "light along lines");
 

@@ -11,7 +11,9 @@ use scene::{Case, group};
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
 use silhouette::scene::FaceTree;
 use silhouette::sphere::{Order, hemisphere};
-use silhouette::visibility::{Frame, Isolines, MeridianFrame, Meridians, Sight, Skips, View, Viewer, open_intervals};
+use silhouette::visibility::{
+    Frame, Isolines, MeridianFrame, Meridians, Sight, Skips, Spans, View, Viewer, open_spans,
+};
 
 /// Scene and receivers timed.
 const SCENES: [(&str, usize); 6] =
@@ -70,24 +72,25 @@ impl Engine<'_> {
     /// Every receiver's vector irradiance, colours of axes, one row after another.
     fn light(&mut self, tiles: &[Vec<u32>], table: &LightTable) -> Vec<f64> {
         let viewer = Viewer { edges: self.edges, faces: self.faces };
+        let (mut moments, mut open) = (LightMoments::default(), Spans::default());
         let mut rows = Vec::new();
         for tile in tiles {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             viewer.approach(receivers.clone(), &mut self.view);
             for receiver in receivers {
                 let frame = Frame::facing(receiver.normal, 0);
-                let mut moments = LightMoments::default();
-                moments.clear(table);
-                viewer.face(receiver, &mut self.view);
-                let sight = viewer.follow(&self.isolines, frame, receiver, &mut self.view, |interval| {
-                    moments.add(table, frame.axis(), interval);
-                });
-                if sight == Sight::Open {
-                    open_intervals(&self.isolines, frame, receiver.normal, |interval| {
-                        moments.add(table, frame.axis(), interval);
-                    });
-                }
-                rows.extend(moments.vectors().iter().flat_map(|light| light.to_array()));
+                let light = match viewer.follow(&self.isolines, frame, receiver, Skips::default(), &mut self.view) {
+                    Sight::Enclosed => Default::default(),
+                    sight => {
+                        let is_open = sight == Sight::Open;
+                        if is_open {
+                            open_spans(&self.isolines, frame, receiver.normal, &mut open);
+                        }
+                        table.integrate(frame, if is_open { &open } else { self.view.spans() }, &mut moments);
+                        moments.vectors()
+                    }
+                };
+                rows.extend(light.iter().flat_map(|light| light.to_array()));
             }
         }
         rows

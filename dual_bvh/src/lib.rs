@@ -77,6 +77,7 @@ pub use crate::contours::{Contour, Contours};
 pub use crate::edge::Incidence;
 pub use crate::error::Error;
 pub use crate::face::{face_normal, face_sign};
+pub use crate::prefetch::prefetch;
 pub use crate::statistics::Statistics;
 pub use crate::tile::Tile;
 

@@ -3,7 +3,7 @@ pub(crate) const AHEAD: usize = 16;
 
 /// Asks the processor to bring a value into its caches, where it can be asked.
 #[inline(always)]
-pub(crate) fn prefetch<T>(value: &T) {
+pub fn prefetch<T>(value: &T) {
     /// Bytes of a cache line.
     const LINE: usize = 64;
     #[cfg(target_arch = "x86_64")]

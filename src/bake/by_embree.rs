@@ -75,7 +75,8 @@ impl Baker for ByEmbree<'_> {
         let columns = self.qmc.columns();
         values.resize(columns.len() * tile.len(), 0.0);
         errors.resize(columns.len() * tile.len(), 0.0);
-        let numbered: Vec<_> = tile.iter().map(|&i| (i as usize, receivers.get(i as usize))).collect();
+        let numbered: Vec<_> =
+            tile.iter().map(|&i| (receivers.number(i as usize), receivers.get(i as usize))).collect();
         self.qmc.integrate(&numbered, values, errors, qmc)?;
         let estimates = values.chunks_exact(columns.len()).zip(errors.chunks_exact(columns.len()));
         for ((values, errors), row) in estimates.zip(rows.chunks_exact_mut(self.layout.width)) {

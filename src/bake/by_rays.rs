@@ -66,7 +66,7 @@ impl Baker for ByRays<'_> {
         errors.resize(columns.len(), 0.0);
         for (&index, row) in tile.iter().zip(rows.chunks_exact_mut(self.layout.width)) {
             let receiver = receivers.get(index as usize);
-            self.qmc.integrate_one(self.rays, index as usize, &receiver, &request, values, errors)?;
+            self.qmc.integrate_one(self.rays, receivers.number(index as usize), &receiver, &request, values, errors)?;
             put(self.layout, &columns, values, errors, row);
         }
         Ok(Counts::default())

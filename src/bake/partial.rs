@@ -6,7 +6,7 @@ use super::writers::npz;
 use super::{Array, Arrays, Provenance};
 
 /// Name of the array that marks finished receivers by 1.
-const DONE: &str = "done";
+pub(super) const DONE: &str = "done";
 
 /// What an interrupted run has finished.
 #[derive(Clone, Debug, PartialEq)]

@@ -81,6 +81,12 @@ pub struct Candidate {
 }
 
 impl PlanReport {
+    /// The report for so many times as many receivers, of which those it is for are a sample.
+    pub fn scale(&mut self, factor: f64) {
+        self.expected_seconds *= factor;
+        self.candidates.iter_mut().for_each(|candidate| candidate.expected_seconds *= factor);
+    }
+
     /// The error of a finished run, from the errors that it states.
     pub fn estimate(&self, arrays: &Arrays) -> f64 {
         self.share_of_stated * stated(arrays)

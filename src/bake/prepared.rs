@@ -18,7 +18,8 @@ pub struct Prepared<'a> {
     geometry: &'a Geometry,
     environment: Option<&'a Environment>,
     skips: Skips,
-    contours: OnceLock<(DualBvh, FaceTree)>,
+    faces: OnceLock<FaceTree>,
+    edges: OnceLock<DualBvh>,
     rays: OnceLock<RayScene>,
     #[cfg(feature = "embree")]
     embree: super::by_embree::EmbreeScenes,
@@ -31,7 +32,8 @@ impl<'a> Prepared<'a> {
             geometry,
             environment,
             skips: Skips::default(),
-            contours: OnceLock::new(),
+            faces: OnceLock::new(),
+            edges: OnceLock::new(),
             rays: OnceLock::new(),
             #[cfg(feature = "embree")]
             embree: super::by_embree::EmbreeScenes::default(),
@@ -118,16 +120,21 @@ impl<'a> Prepared<'a> {
 
     /// What finds contours, and the faces along a ray.
     pub(super) fn viewer(&self) -> Result<Viewer<'_>> {
-        if self.contours.get().is_none() {
+        // In this order the two builds need the least memory.
+        let faces = self.faces();
+        if self.edges.get().is_none() {
             let (positions, triangles) = (&self.geometry.positions, &self.geometry.triangles);
-            // In this order the two builds need the least memory.
-            let faces = FaceTree::new(positions.clone(), triangles.clone());
             let edges = DualBvh::build(positions.clone(), triangles.clone(), &BuildOptions::default())?;
             // Whoever comes second finds the same built.
-            let _ = self.contours.set((edges, faces));
+            let _ = self.edges.set(edges);
         }
-        let Some((edges, faces)) = self.contours.get() else { unreachable!("they have just been set") };
+        let Some(edges) = self.edges.get() else { unreachable!("they have just been set") };
         Ok(Viewer { edges, faces })
+    }
+
+    /// The faces along rays, and around points.
+    pub fn faces(&self) -> &FaceTree {
+        self.faces.get_or_init(|| self.geometry.face_tree())
     }
 
     /// The judge's rays.

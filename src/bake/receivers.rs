@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use crate::scene::{Geometry, VertexFaces, faces_at};
+use crate::scene::{FaceTree, Geometry, VertexFaces, faces_at};
 use crate::visibility::Receiver;
 
 /// The points a result is computed for, in the order of its rows.
@@ -11,6 +11,7 @@ pub struct Receivers {
     /// Unit normals; empty for probes, which see all around.
     pub normals: Vec<DVec3>,
     own: OwnFaces,
+    first: usize,
 }
 
 /// The faces on which receivers lie.
@@ -54,13 +55,13 @@ impl Receivers {
     /// Receivers that each lie on one face: the points of a picture, for instance.
     pub fn on_faces(points: impl IntoIterator<Item = (DVec3, DVec3, u32)>) -> Self {
         let (positions, (normals, faces)) = points.into_iter().map(|(p, n, face)| (p, (n, face))).unzip();
-        Self { positions, normals, own: OwnFaces::One(faces) }
+        Self { positions, normals, own: OwnFaces::One(faces), first: 0 }
     }
 
     /// Receivers that each lie on some faces, any number of them: the faces that meet in an edge, for instance.
     pub fn leaving_out(points: impl IntoIterator<Item = (DVec3, DVec3, Vec<u32>)>) -> Self {
         let (positions, (normals, own)): (_, (_, Vec<_>)) = points.into_iter().map(|(p, n, own)| (p, (n, own))).unzip();
-        Self { positions, normals, own: OwnFaces::several(own) }
+        Self { positions, normals, own: OwnFaces::several(own), first: 0 }
     }
 
     /// The vertices of a mesh with their angle-weighted normals; each leaves out its own incident faces.
@@ -83,14 +84,25 @@ impl Receivers {
         // The memory of what may be none is larger, and would be kept.
         normals.shrink_to_fit();
         let positions = geometry.positions.iter().map(|p| p.as_dvec3()).collect();
-        (Self { positions, normals, own: OwnFaces::Incident(geometry.vertex_faces()) }, undirected)
+        (Self { positions, normals, own: OwnFaces::Incident(geometry.vertex_faces()), first: 0 }, undirected)
     }
 
-    /// The same receivers, each of which leaves out exactly the faces of `geometry` on which it lies: the face it is inside
+    /// The same receivers as a part of a longer row, in which they have the numbers from `first` on: rays are turned by a
+    /// receiver's number, and are so the same for a part as for the whole.
+    pub fn numbered_from(self, first: usize) -> Self {
+        Self { first, ..self }
+    }
+
+    /// The number of a receiver in the row that these are part of.
+    pub(super) fn number(&self, index: usize) -> usize {
+        self.first + index
+    }
+
+    /// The same receivers, each of which leaves out exactly the faces of a scene on which it lies: the face it is inside
     /// of, those that share its edge or corner, and all that coincide there. Decided without tolerance ([`faces_at`]); a face
     /// elsewhere in the same plane is none of them, nor is one that rounding has set the receiver beside.
-    pub fn on_surface(self, geometry: &Geometry) -> Self {
-        let own = faces_at(&geometry.positions, &geometry.triangles, self.positions.iter().copied());
+    pub fn on_surface(self, faces: &FaceTree) -> Self {
+        let own = faces_at(faces, self.positions.iter().copied());
         Self { own: OwnFaces::several(own), ..self }
     }
 
@@ -107,7 +119,7 @@ impl Receivers {
         let positions = picked.iter().map(|&index| self.positions[index]).collect();
         let normals =
             if self.normals.is_empty() { Vec::new() } else { picked.iter().map(|&i| self.normals[i]).collect() };
-        Self { positions, normals, own }
+        Self { positions, normals, own, first: 0 }
     }
 
     /// Number of receivers.

@@ -13,7 +13,7 @@ use crate::reference::{self, PixelDistribution, Qmc};
 use crate::scene::Environment;
 use crate::sphere::{self, Order};
 use crate::visibility::{
-    Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, Skips, View, Viewer, open_intervals,
+    self, Frame, Isolines, MeridianFrame, Meridians, Receiver, Sight, Skips, Spans, View, Viewer, open_spans,
 };
 use crate::{Error, Result};
 
@@ -59,6 +59,7 @@ pub(super) struct Memory {
     view: View,
     moments: LineMoments,
     light: LightMoments,
+    open: Spans,
     /// Harmonics in the axes of a chart.
     local: Vec<f64>,
     seen: Seen,
@@ -175,7 +176,6 @@ impl<'a> Solver<'a> {
             let isolines = Isolines::new(SECOND_LINES).expect("the number of isolines is a constant");
             Lines::new(isolines, &self.assembly)
         });
-        counts.contours = 0;
         let mut alarm = false;
         if let Some(harmonics) = &lines.harmonics {
             alarm |= self.along_meridians(harmonics, rank, receiver, memory, counts);
@@ -199,13 +199,7 @@ impl<'a> Solver<'a> {
         let order = table.order();
         let frame = MeridianFrame::facing(receiver.normal, rank > 0);
         let sight = self.viewer.trace(meridians, frame, receiver, self.skips, view);
-        let contours = view.counts();
-        counts.contours = contours.above as u64;
-        counts.below_horizon = contours.below as u64;
-        counts.between_isolines = contours.between as u64;
-        counts.hidden_bodies = contours.hidden as u64;
-        counts.open += u64::from(sight == Sight::Open);
-        counts.enclosed += u64::from(sight == Sight::Enclosed);
+        counts.take(view.counts(), sight);
         seen.visibility.clear();
         seen.visibility.resize(order.len(), 0.0);
         seen.visibility_error = ROUNDING;
@@ -236,24 +230,24 @@ impl<'a> Solver<'a> {
         memory: &mut Memory,
         counts: &mut Counts,
     ) -> bool {
-        let Memory { view, light: moments, seen, .. } = memory;
+        let Memory { view, light: moments, open, seen, .. } = memory;
         let frame = Frame::facing(receiver.normal, rank);
-        moments.clear(table);
-        self.viewer.face(receiver, view);
-        counts.contours = view.contours().arcs.len() as u64;
-        let sight = self.viewer.follow(isolines, frame, receiver, view, |interval| {
-            moments.add(table, frame.axis(), interval);
-        });
-        if sight == Sight::Open {
-            open_intervals(isolines, frame, receiver.normal, |interval| moments.add(table, frame.axis(), interval));
-        }
+        let sight = self.viewer.follow(isolines, frame, receiver, self.skips, view);
         if self.assembly.bands.is_none() {
-            counts.open += u64::from(sight == Sight::Open);
-            counts.enclosed += u64::from(sight == Sight::Enclosed);
+            counts.take(view.counts(), sight);
         }
-        seen.light = moments.vectors();
-        let scale: f64 = seen.light.iter().map(|light| light.length()).sum();
-        seen.light_error = moments.errors(table, frame.axis()).map(|error| EXPECTED * error + ROUNDING * scale);
+        (seen.light, seen.light_error) = ([DVec3::ZERO; 3], [DVec3::ZERO; 3]);
+        if sight != Sight::Enclosed {
+            if sight == Sight::Open {
+                open_spans(isolines, frame, receiver.normal, open);
+            }
+            let spans = if sight == Sight::Open { open } else { view.spans() };
+            table.integrate(frame, spans, moments);
+            seen.light = moments.vectors();
+            let scale: f64 = seen.light.iter().map(|light| light.length()).sum();
+            let errors = table.errors(frame, spans, moments);
+            seen.light_error = errors.map(|error| EXPECTED * error + ROUNDING * scale);
+        }
         matches!(sight, Sight::Part(sweep) if sweep.depth_alarms > 0)
     }
 
@@ -367,6 +361,18 @@ impl Lines {
     }
 }
 
+impl Counts {
+    /// Takes over what became of the contours of a receiver that sees this.
+    fn take(&mut self, contours: visibility::Counts, sight: Sight) {
+        self.contours = contours.above as u64;
+        self.below_horizon = contours.below as u64;
+        self.between_isolines = contours.between as u64;
+        self.hidden_bodies = contours.hidden as u64;
+        self.open += u64::from(sight == Sight::Open);
+        self.enclosed += u64::from(sight == Sight::Enclosed);
+    }
+}
+
 impl Baker for Solver<'_> {
     type Memory = Memory;
 
@@ -374,20 +380,16 @@ impl Baker for Solver<'_> {
         let mut counts = Counts::default();
         let together = if self.skips.shared_searches { tile.len() } else { 1 };
         for (tile, rows) in tile.chunks(together).zip(rows.chunks_mut(together * self.layout.width)) {
-            let receivers = tile.iter().map(|&index| receivers.get(index as usize));
+            let neighbours = tile.iter().map(|&index| receivers.get(index as usize));
             if self.skips.below_horizon {
-                self.viewer.approach(receivers.clone(), &mut memory.view);
+                self.viewer.approach(neighbours.clone(), &mut memory.view);
             } else {
-                let all_around = receivers.clone().map(|receiver| Receiver { normal: None, ..receiver });
+                let all_around = neighbours.clone().map(|receiver| Receiver { normal: None, ..receiver });
                 self.viewer.approach(all_around, &mut memory.view);
             }
-            if self.assembly.textured.is_some() {
-                // It needs all contours.
-                self.viewer.search(&mut memory.view);
-            }
             counts.shared_searches += tile.len() as u64 - 1;
-            for ((&index, receiver), row) in tile.iter().zip(receivers).zip(rows.chunks_exact_mut(self.layout.width)) {
-                counts += self.receiver(index as usize, receiver, row, memory)?;
+            for ((&index, receiver), row) in tile.iter().zip(neighbours).zip(rows.chunks_exact_mut(self.layout.width)) {
+                counts += self.receiver(receivers.number(index as usize), receiver, row, memory)?;
             }
         }
         Ok(counts)

@@ -41,6 +41,22 @@ pub struct Statistics {
 }
 
 impl Statistics {
+    /// The statistics of this run and of another one of the same kind after it, as one.
+    #[must_use]
+    pub fn then(mut self, other: Self) -> Self {
+        let contours = [&self, &other].map(|run| run.contours_per_receiver * run.receivers as f64);
+        self.receivers += other.receivers;
+        self.contours_per_receiver = contours.iter().sum::<f64>() / self.receivers.max(1) as f64;
+        self.build_seconds += other.build_seconds;
+        self.integrate_seconds += other.integrate_seconds;
+        self.processor_seconds += other.processor_seconds;
+        self.depth_alarms += other.depth_alarms;
+        for (counts, more) in [(&mut self.skipped, other.skipped), (&mut self.fallbacks, other.fallbacks)] {
+            more.into_iter().for_each(|(name, count)| *counts.entry(name).or_default() += count);
+        }
+        self
+    }
+
     /// One line about the receivers that raised an alarm and how they were solved again; none if there are none.
     pub fn second_looks(&self) -> Option<String> {
         let ways = self.fallbacks.iter().filter(|(_, count)| **count > 0);
@@ -64,6 +80,23 @@ impl Statistics {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn runs_add_up() {
+        let run = |receivers, contours, open| Statistics {
+            receivers,
+            contours_per_receiver: contours,
+            integrate_seconds: 0.5,
+            depth_alarms: 1,
+            skipped: [("open_receivers".into(), open)].into(),
+            method: "isolines".into(),
+            ..Statistics::default()
+        };
+        let both = run(10, 3.0, 2).then(run(30, 5.0, 4));
+        let expected = Statistics { integrate_seconds: 1.0, depth_alarms: 2, ..run(40, 4.5, 6) };
+        assert_eq!(both, expected);
+        assert_eq!(run(10, 3.0, 2).then(run(0, 0.0, 0)).contours_per_receiver, 3.0);
+    }
 
     #[test]
     fn second_looks_are_told_apart() {

@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use std::path::Path;
 
 use crate::bake::writers::{Layout, check_target, write};
-use crate::bake::{Arrays, Baked, BakedVertices, Provenance, Request};
+use crate::bake::{Arrays, Baked, BakedVertices, Prepared, Provenance, Request};
 use crate::integrand::{environment_harmonics, relit};
 use crate::report;
 use crate::scene::{Scene, Sky};
@@ -107,9 +107,9 @@ impl Bake {
         let receivers = vertices(&scene.geometry);
         let earlier = self.update.earlier(&scene.geometry)?;
 
+        let prepared = Prepared::new(&scene.geometry, None);
         let work = Work {
-            geometry: &scene.geometry,
-            environment: None,
+            prepared: &prepared,
             receivers: &receivers,
             request: &request,
             choice,
@@ -118,6 +118,7 @@ impl Bake {
         };
         let pool = self.run.pool()?;
         let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
+        drop(prepared);
 
         if let Some(preview) = &preview {
             pool.install(|| draw(&scene, &arrays, self.harmonics.order, preview))?;

@@ -4,13 +4,14 @@ use clap::Args;
 
 use crate::Error;
 use crate::bake::writers::{Format, Layout, check_target, npz};
-use crate::bake::{Provenance, Receivers, Request, flip_phase};
-use crate::scene::{Scene, load_points};
+use crate::bake::{Prepared, Provenance, Request, flip_phase};
+use crate::scene::{Scene, survey_points};
 
 use super::Failure;
 use super::method::MethodOptions;
 use super::options::{HarmonicsOptions, LightOptions, vertices};
 use super::run::{RunOptions, Work};
+use super::stream::{BLOCK, on_surface};
 
 /// Integrates visibility and light at any points
 #[derive(Args)]
@@ -87,24 +88,21 @@ impl Integrate {
 
         let scene = Scene::from_meshes(&self.meshes)?;
         let environment = self.light.load()?;
-        let receivers = match &self.points {
+        let prepared = Prepared::new(&scene.geometry, environment.as_ref());
+        let (count, receivers) = match &self.points {
             Some(points) => {
-                let points = load_points(points)?.into_iter().map(|p| (p.position, p.normal));
-                Receivers::points(points).on_surface(&scene.geometry)
+                let (count, sample) = survey_points(points, BLOCK)?;
+                (count, on_surface(sample, &prepared))
             }
-            None => vertices(&scene.geometry),
+            None => (scene.geometry.positions.len(), vertices(&scene.geometry)),
         };
-        let work = Work {
-            geometry: &scene.geometry,
-            environment: environment.as_ref(),
-            receivers: &receivers,
-            request: &request,
-            choice,
-            earlier: None,
-            parameters,
-        };
-        let (arrays, provenance) = self.run.integrate(&work, &self.output, &self.run.pool()?)?;
-        let phase = self.harmonics.phase();
+        let work =
+            Work { prepared: &prepared, receivers: &receivers, request: &request, choice, earlier: None, parameters };
+        let (pool, phase) = (self.run.pool()?, self.harmonics.phase());
+        if let Some(points) = self.points.as_ref().filter(|_| count > BLOCK) {
+            return Ok(self.run.stream(&work, points, count, phase, &self.output, &pool)?);
+        }
+        let (arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
         let arrays = if phase == provenance.sh_phase { arrays } else { flip_phase(arrays, 1)? };
         npz::write(&self.output, &arrays, &Provenance { sh_phase: phase, ..provenance })?;
         Ok(self.run.discard_kept(&self.output)?)

@@ -15,6 +15,7 @@ mod race;
 mod render;
 mod run;
 mod stage;
+mod stream;
 mod stress;
 mod terminal;
 mod update;

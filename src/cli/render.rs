@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use std::f64::consts::FRAC_1_PI;
 
 use crate::bake::writers::{Layout, check_target, write};
-use crate::bake::{Array, Baked, BakedImage, Pixels, Provenance, Request};
+use crate::bake::{Array, Baked, BakedImage, Pixels, Prepared, Provenance, Request};
 use crate::reference::RayScene;
 use crate::scene::Geometry;
 
@@ -100,7 +100,8 @@ impl Render {
         let parameters = self.light.record(parameters);
 
         let (geometry, receivers) = (&scene.geometry, &pixels.receivers);
-        let work = Work { geometry, environment, receivers, request: &request, choice, earlier: None, parameters };
+        let prepared = &Prepared::new(geometry, environment);
+        let work = Work { prepared, receivers, request: &request, choice, earlier: None, parameters };
         let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
         if let Some(irradiance) = arrays.get("irradiance") {
             let radiance = reflected(&scene.geometry, &pixels.faces, irradiance);

@@ -8,8 +8,7 @@ use clap::builder::RangedU64ValueParser;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::bake::writers::atomically;
-use crate::bake::{Arrays, Method, Outcome, Partial, Prepared, Provenance, Receivers, Request};
-use crate::scene::{Environment, Geometry};
+use crate::bake::{Arrays, Method, Outcome, Partial, PlanReport, Prepared, Provenance, Receivers, Request, Statistics};
 use crate::{Error, Result};
 
 use super::method::Choice;
@@ -19,8 +18,8 @@ use super::update::Earlier;
 
 /// What is to be integrated where, and how.
 pub struct Work<'a> {
-    pub geometry: &'a Geometry,
-    pub environment: Option<&'a Environment>,
+    pub prepared: &'a Prepared<'a>,
+    /// All receivers, or a sample of those that are [read](RunOptions::stream) block by block.
     pub receivers: &'a Receivers,
     pub request: &'a Request,
     pub choice: Choice,
@@ -32,7 +31,7 @@ pub struct Work<'a> {
 
 impl Work<'_> {
     /// Provenance of what `method` computes here, this process's command line included.
-    fn provenance(&self, method: Method) -> Provenance {
+    pub(super) fn provenance(&self, method: Method) -> Provenance {
         let mut provenance = Provenance { command_line: command_line(), ..Provenance::of(method) };
         if let Choice::Goal(goal) = self.choice {
             provenance = provenance.with("error", format_args!("{:e}", goal.error));
@@ -63,10 +62,10 @@ pub struct RunOptions {
     threads: Option<usize>,
     /// Write what was done, and how fast, as JSON
     #[arg(long, value_name = "FILE.json")]
-    stats: Option<PathBuf>,
+    pub(super) stats: Option<PathBuf>,
     /// Go on from what an interrupted run kept
     #[arg(long)]
-    resume: bool,
+    pub(super) resume: bool,
     /// No progress
     #[arg(long, short)]
     pub quiet: bool,
@@ -91,31 +90,15 @@ impl RunOptions {
     /// [`Error::Interrupted`] after an interruption, of which the finished part is kept; otherwise as
     /// [`Prepared::integrate`], or when a file cannot be read or written.
     pub fn integrate(&self, work: &Work, out: &Path, pool: &ThreadPool) -> Result<(Arrays, Provenance)> {
-        let prepared = Prepared::new(work.geometry, work.environment);
         let terminal = Terminal::new(self.quiet);
-        let (method, plan) = match (work.choice, work.earlier) {
-            (Choice::Method(method), _) => (method, None),
-            (Choice::Goal(_), Some(earlier)) => (earlier.method()?, None),
-            (Choice::Goal(_), None) if self.resume => match Partial::provenance(&kept(out)?)?.integrated_by() {
-                Some(method) => (method, None),
-                None => return Err(Error::file(kept(out)?, "does not say by what method it was made; begin anew")),
-            },
-            (Choice::Goal(goal), None) => {
-                let plan = pool.install(|| prepared.plan(work.receivers, work.request, goal, &terminal));
-                terminal.finish();
-                let plan = plan?;
-                if !self.quiet {
-                    say(&plan);
-                }
-                (plan.method, Some(plan.report))
-            }
-        };
+        let (method, plan) = self.method(work, work.receivers.len(), out, pool, &terminal)?;
         let provenance = work.provenance(method);
         let resumed = match work.earlier {
             Some(earlier) => Some(earlier.part(work.receivers, &provenance, self.quiet)?),
             None => self.resumed(out, &provenance)?,
         };
-        let outcome = pool.install(|| prepared.integrate(work.receivers, work.request, method, resumed, &terminal));
+        let outcome =
+            pool.install(|| work.prepared.integrate(work.receivers, work.request, method, resumed, &terminal));
         terminal.finish();
         let mut outcome = outcome?;
         if let Some(plan) = plan {
@@ -127,6 +110,35 @@ impl RunOptions {
             outcome.statistics.plan = Some(plan);
         }
         Ok((self.conclude(outcome, out, &provenance)?, provenance))
+    }
+
+    /// The method for so many receivers: as given, as noted by an earlier run, or planned for the error asked for.
+    pub(super) fn method(
+        &self,
+        work: &Work,
+        receivers: usize,
+        out: &Path,
+        pool: &ThreadPool,
+        terminal: &Terminal,
+    ) -> Result<(Method, Option<PlanReport>)> {
+        match (work.choice, work.earlier) {
+            (Choice::Method(method), _) => Ok((method, None)),
+            (Choice::Goal(_), Some(earlier)) => Ok((earlier.method()?, None)),
+            (Choice::Goal(_), None) if self.resume => match Partial::provenance(&kept(out)?)?.integrated_by() {
+                Some(method) => Ok((method, None)),
+                None => Err(Error::file(kept(out)?, "does not say by what method it was made; begin anew")),
+            },
+            (Choice::Goal(goal), None) => {
+                let plan = pool.install(|| work.prepared.plan(work.receivers, work.request, goal, terminal));
+                terminal.finish();
+                let mut plan = plan?;
+                plan.report.scale(receivers as f64 / work.receivers.len().max(1) as f64);
+                if !self.quiet {
+                    say(&plan);
+                }
+                Ok((plan.method, Some(plan.report)))
+            }
+        }
     }
 
     /// What an interrupted run of the same command has kept, if it is wanted.
@@ -149,6 +161,18 @@ impl RunOptions {
         }
     }
 
+    /// Writes the statistics of a finished run, and says what is worth saying.
+    pub(super) fn report(&self, statistics: &Statistics) -> Result<()> {
+        if let Some(stats) = &self.stats {
+            let json = statistics.to_json();
+            atomically(stats, |file| file.write_all(json.as_bytes()).map_err(|error| Error::file(stats, error)))?;
+        }
+        if let (Some(line), false) = (statistics.second_looks(), self.quiet) {
+            say(line);
+        }
+        Ok(())
+    }
+
     /// Ends a run that was to write `out`: gives the arrays of a finished one, keeps the finished part of an
     /// interrupted one and says so.
     ///
@@ -158,13 +182,7 @@ impl RunOptions {
         let Outcome { arrays, done, statistics } = outcome;
         let part = Partial::path(out);
         if done.iter().all(|&done| done) {
-            if let Some(stats) = &self.stats {
-                let json = statistics.to_json();
-                atomically(stats, |file| file.write_all(json.as_bytes()).map_err(|error| Error::file(stats, error)))?;
-            }
-            if let (Some(line), false) = (statistics.second_looks(), self.quiet) {
-                say(line);
-            }
+            self.report(&statistics)?;
             return Ok(arrays);
         }
         let partial = Partial { arrays, done, provenance: provenance.clone() };
@@ -183,7 +201,7 @@ impl RunOptions {
 }
 
 /// The finished part of the run that was to write `out`, which must be there.
-fn kept(out: &Path) -> Result<PathBuf> {
+pub(super) fn kept(out: &Path) -> Result<PathBuf> {
     let part = Partial::path(out);
     match part.exists() {
         true => Ok(part),

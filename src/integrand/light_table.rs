@@ -1,10 +1,11 @@
 use std::ops::Range;
 
-use glam::DVec3;
+use dual_bvh::prefetch;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::scene::Environment;
-use crate::visibility::{Interval, Isolines, cycle};
+use crate::visibility::{Frame, Isolines, Spans};
 
 /// Summed-area tables of light times the linear harmonics along u-isolines: with them the vector irradiance of any
 /// visible interval is the difference of two entries.
@@ -18,7 +19,9 @@ pub struct LightTable {
     cells: usize,
     /// Slabs that tell the error, for each axis.
     samples: [Vec<Sample>; 3],
-    /// One table for each axis along which isolines may follow one another.
+    /// One table for each axis along which isolines may follow one another: by quadrant, then by cell, then by isoline. Where spans
+    /// end changes little from one isoline to the next, so that they find their neighbours' memory near. Behind them, by quadrant,
+    /// the light of whole quadrants, summed up over the isolines before each one.
     axes: [Vec<[f64; 9]>; 3],
 }
 
@@ -49,29 +52,44 @@ impl LightTable {
         let lines = isolines.len();
         let most = MEMORY / (lines * 4 * size_of::<[f64; 9]>());
         let cells = (lines / 2).max(64).min(most.max(16));
-        let mut axes = [(); 3].map(|()| vec![[0.0; 9]; lines * 4 * (cells + 1)]);
-        let patches = (3 * lines).min(MOST_ROWS).div_ceil(environment.height());
-        axes.par_iter_mut().enumerate().for_each(|(axis, sums)| {
-            for (moment, radiance) in environment.patches(patches) {
-                let added: [f64; 9] = std::array::from_fn(|i| f64::from(radiance[i / 3]) * moment[i % 3]);
-                let (arc, fraction) = place(lines, cycle(moment, axis));
-                let cell = ((fraction * cells as f64) as usize).min(cells - 1);
-                let sum = &mut sums[arc * (cells + 1) + cell + 1];
-                sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
-            }
-            for arc in sums.chunks_mut(cells + 1) {
-                let mut total = [0.0; 9];
-                for sum in arc {
-                    for (total, sum) in total.iter_mut().zip(sum) {
-                        *total += *sum;
-                        *sum = *total;
+        let size = 4 * lines * (cells + 1);
+        let mut axes = [(); 3].map(|()| vec![[0.0; 9]; size + 4 * (lines + 1)]);
+        let split = (3 * lines).min(MOST_ROWS).div_ceil(environment.height());
+        let longitudes = environment.patch_longitudes(split);
+        let mut block = vec![Patches::default(); BLOCK];
+        let rows = environment.height() * split;
+        for first in (0..rows).step_by(BLOCK) {
+            let block = &mut block[..BLOCK.min(rows - first)];
+            block.par_iter_mut().enumerate().for_each(|(i, patches)| {
+                patches.take(environment.patch_row(split, first + i, longitudes.clone()));
+                patches.place(lines, cells);
+            });
+            axes.par_iter_mut().enumerate().for_each(|(axis, sums)| {
+                for Patches { moments: [x, y, z], radiance, places } in &*block {
+                    for (i, &place) in places[axis].iter().enumerate() {
+                        let moment = [x[i], y[i], z[i]];
+                        let added = std::array::from_fn(|k| f64::from(radiance[i][k / 3]) * moment[k % 3]);
+                        accumulate(&mut sums[place as usize], &added);
                     }
+                }
+            });
+        }
+        axes.par_iter_mut().for_each(|sums| {
+            let (sums, wholes) = sums.split_at_mut(size);
+            for (sums, wholes) in sums.chunks_mut(lines * (cells + 1)).zip(wholes.chunks_mut(lines + 1)) {
+                for cell in 1..=cells {
+                    let (before, here) = sums[(cell - 1) * lines..].split_at_mut(lines);
+                    here.iter_mut().zip(before).for_each(|(sum, before)| accumulate(sum, before));
+                }
+                for line in 0..lines {
+                    wholes[line + 1] = wholes[line];
+                    accumulate(&mut wholes[line + 1], &sums[lines * cells + line]);
                 }
             }
         });
         let samples = axes.each_ref().map(|sums| {
             let light = |line: usize| {
-                let totals = (0..4).map(|quadrant| &sums[(line * 4 + quadrant + 1) * (cells + 1) - 1]);
+                let totals = (0..4).map(|quadrant| &sums[(quadrant * (cells + 1) + cells) * lines + line]);
                 totals.flatten().map(|total| total.abs()).sum::<f64>()
             };
             samples((0..lines).map(light).collect())
@@ -79,38 +97,201 @@ impl LightTable {
         Self { lines, cells, samples, axes }
     }
 
-    /// The light of line `line` in the quadrant and between the fractions of an interval, times `factor`, added to `out`.
-    #[inline(always)]
-    fn add(&self, axis: usize, line: usize, interval: Interval, factor: f64, out: &mut [f64; 9]) {
-        for (end, factor) in [(interval.to, factor), (interval.from, -factor)] {
-            if end == 0.0 {
-                continue;
-            }
-            let ([lows, highs], part) = self.cell(axis, line, interval.quadrant, end);
-            for (out, (low, high)) in out.iter_mut().zip(lows.iter().zip(highs)) {
-                *out += factor * (low + (high - low) * part);
+    /// Adds up the light of visible spans of isolines in this frame.
+    pub fn integrate(&self, frame: Frame, spans: &Spans, moments: &mut LightMoments) {
+        let rows = &mut moments.rows;
+        rows.clear();
+        rows.reserve(2 * spans.ends().len());
+        for half in 0..2 {
+            let quadrants = quadrants(frame, half);
+            // Whole quadrants of neighbouring isolines are added at once.
+            let mut runs = [None; 2];
+            for line in 0..=self.lines {
+                let whole = if line == self.lines {
+                    [false; 2]
+                } else {
+                    cut(half, self.ends(spans, half, line), |leg, end, sign| {
+                        self.look_up(line, quadrants[leg], end, sign, rows);
+                    })
+                };
+                for ((run, whole), quadrant) in runs.iter_mut().zip(whole).zip(quadrants) {
+                    match *run {
+                        None if whole => *run = Some(line),
+                        Some(first) if !whole => {
+                            let before = |line| (self.size() + quadrant * (self.lines + 1) + line) as u32;
+                            rows.push(Row { row: before(line), weight: 1.0 });
+                            rows.push(Row { row: before(first), weight: -1.0 });
+                            *run = None;
+                        }
+                        _ => {}
+                    }
+                }
             }
         }
+        moments.sum = self.add(frame, rows, 0..rows.len());
     }
 
-    /// The squares of the light in the cells in which an interval begins and ends, times `factor`, added to `out`.
-    fn add_squares(&self, axis: usize, line: usize, interval: Interval, factor: f64, out: &mut [f64; 9]) {
-        for end in [interval.from, interval.to] {
-            let ([lows, highs], _) = self.cell(axis, line, interval.quadrant, end);
-            for (out, (low, high)) in out.iter_mut().zip(lows.iter().zip(highs)) {
-                *out += factor * (high - low).powi(2);
+    /// The error to expect of each number of [`LightMoments::vectors`] for the same spans: every other slab under the mean of what its
+    /// neighbours' isolines see, and light that is uneven inside the cells where intervals end. From the slabs in which most of
+    /// the light is and a sample of the others.
+    pub fn errors(&self, frame: Frame, spans: &Spans, moments: &mut LightMoments) -> [DVec3; 3] {
+        let LightMoments { rows, bounds, .. } = moments;
+        rows.clear();
+        bounds.clear();
+        let samples = &*self.samples[frame.axis()];
+        for &Sample { line, .. } in samples {
+            let inner = line > 0 && line + 1 < self.lines;
+            let share = if inner { -0.5 } else { -1.0 };
+            let neighbours = [line.wrapping_sub(1), line + 1].into_iter().filter(|&other| other < self.lines);
+            for (from, factor) in neighbours.map(|other| (other, share)).chain([(line, 1.0)]) {
+                for half in 0..2 {
+                    let quadrants = quadrants(frame, half);
+                    let whole = cut(half, self.ends(spans, half, from), |leg, end, sign| {
+                        self.look_up(line, quadrants[leg], end, sign * factor, rows);
+                    });
+                    for (quadrant, _) in quadrants.into_iter().zip(whole).filter(|(_, whole)| *whole) {
+                        let (row, _) = self.cell(line, quadrant, 1.0);
+                        rows.push(Row { row: (row + self.lines) as u32, weight: factor });
+                    }
+                }
+            }
+            bounds.push(rows.len());
+        }
+        let (mut sums, mut squares) = ([0.0; 9], [0.0; 9]);
+        let mut first = 0;
+        for (&Sample { line, weight }, &last) in samples.iter().zip(&*bounds) {
+            let difference = self.add(frame, rows, std::mem::replace(&mut first, last)..last);
+            let sign = if line % 2 == 0 { weight } else { -weight };
+            for ((sum, square), difference) in sums.iter_mut().zip(&mut squares).zip(difference) {
+                *sum += sign * difference;
+                *square += weight * difference * difference;
+            }
+            for half in 0..2 {
+                let quadrants = quadrants(frame, half);
+                cut(half, self.ends(spans, half, line), |leg, end, _| {
+                    let (row, _) = self.cell(line, quadrants[leg], end);
+                    let [low, high] = [row, row + self.lines].map(|row| &self.axes[frame.axis()][row]);
+                    for (square, (low, high)) in squares.iter_mut().zip(low.iter().zip(high)) {
+                        *square += weight * UNEVEN * UNEVEN * (high - low).powi(2);
+                    }
+                });
             }
         }
+        // What the slabs have in common, and what they have not. Both halves of the isolines are looked at.
+        let error = |(sum, square): (&f64, &f64)| 0.25 * sum * sum + 0.5 * square;
+        [0, 3, 6].map(|i| DVec3::from_array([i, i + 1, i + 2].map(|i| error((&sums[i], &squares[i])).sqrt())))
     }
 
-    /// The sums before and behind the cell in which a fraction of a quadrant lies, and how far along the cell.
+    /// Number of sums along isolines.
+    fn size(&self) -> usize {
+        4 * self.lines * (self.cells + 1)
+    }
+
+    /// Ends of the spans of one half of an isoline.
     #[inline(always)]
-    fn cell(&self, axis: usize, line: usize, quadrant: usize, fraction: f64) -> ([&[f64; 9]; 2], f64) {
-        let arc = &self.axes[axis][(line * 4 + quadrant) * (self.cells + 1)..][..self.cells + 1];
+    fn ends<'s>(&self, spans: &'s Spans, half: usize, line: usize) -> &'s [f64] {
+        &spans.ends()[spans.of(half * self.lines + line)]
+    }
+
+    /// The weighted rows that give the light of a quadrant up to a fraction, in the slab of an isoline, times `factor`.
+    #[inline(always)]
+    fn look_up(&self, line: usize, quadrant: usize, fraction: f64, factor: f64, rows: &mut Vec<Row>) {
+        let (row, part) = self.cell(line, quadrant, fraction);
+        rows.extend([
+            Row { row: row as u32, weight: factor * (1.0 - part) },
+            Row { row: (row + self.lines) as u32, weight: factor * part },
+        ]);
+    }
+
+    /// The row of the sums before the cell in which a fraction of a quadrant lies, and how far along the cell. The next cell's
+    /// row is so many further as there are lines.
+    #[inline(always)]
+    fn cell(&self, line: usize, quadrant: usize, fraction: f64) -> (usize, f64) {
         let at = fraction * self.cells as f64;
         let cell = (at as usize).min(self.cells - 1);
-        ([&arc[cell], &arc[cell + 1]], at - cell as f64)
+        ((quadrant * (self.cells + 1) + cell) * self.lines + line, at - cell as f64)
     }
+
+    /// The weighted sum of a range of rows.
+    fn add(&self, frame: Frame, rows: &[Row], range: Range<usize>) -> [f64; 9] {
+        let table = &*self.axes[frame.axis()];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { add_avx2(table, rows, range) };
+        }
+        add_inline(table, rows, range)
+    }
+}
+
+/// A row of a table, to be added so often.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    row: u32,
+    weight: f64,
+}
+
+/// How many rows ahead memory is asked for.
+const AHEAD: usize = 32;
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn add_avx2(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
+    add_inline(table, rows, range)
+}
+
+#[inline(always)]
+fn add_inline(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
+    let mut sum = [0.0; 9];
+    for at in range {
+        if let Some(later) = rows.get(at + AHEAD) {
+            prefetch(&table[later.row as usize]);
+        }
+        let Row { row, weight } = rows[at];
+        let row = &table[row as usize];
+        for i in 0..9 {
+            sum[i] += weight * row[i];
+        }
+    }
+    sum
+}
+
+/// The quadrants of one half of an isoline, at the spine and beyond.
+fn quadrants(frame: Frame, half: usize) -> [usize; 2] {
+    [[0, 1], [3, 2]][half].map(|quadrant| frame.quadrant(quadrant))
+}
+
+/// Light of spans of half an isoline from sums that begin where its quadrants do: calls `sum` with the numbers of quadrants, fractions of
+/// them, and whether the sum up to there is to be added or subtracted (1 or -1). Returns which whole quadrants are to be added.
+#[inline(always)]
+fn cut(half: usize, ends: &[f64], mut sum: impl FnMut(usize, f64, f64)) -> [bool; 2] {
+    let mut whole = [false; 2];
+    for span in ends.chunks_exact(2) {
+        let (from, to) = (span[0], span[1]);
+        let [near, far] = match half {
+            0 => [(from < 1.0) & (to >= 1.0), to == 2.0],
+            _ => [from == 0.0, (from <= 1.0) & (to > 1.0)],
+        };
+        whole = [whole[0] | near, whole[1] | far];
+        for (end, sign) in [(to, 1.0), (from, -1.0)] {
+            let leg = usize::from(end >= 1.0);
+            let fraction = end - leg as f64;
+            // Sums are known where quadrants begin and end.
+            if fraction == 0.0 || end == 2.0 {
+                continue;
+            }
+            match half {
+                0 => sum(leg, fraction, sign),
+                // It runs against the quadrants.
+                _ => sum(leg, 1.0 - fraction, -sign),
+            }
+        }
+    }
+    whole
+}
+
+fn accumulate(sum: &mut [f64; 9], added: &[f64; 9]) {
+    sum.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
 }
 
 /// Chooses slabs by the light of each: the brightest stand for themselves, others for the rest.
@@ -127,81 +308,172 @@ fn samples(light: Vec<f64>) -> Vec<Sample> {
     samples
 }
 
-/// The arc (isoline and quadrant) whose slab holds a direction, and how far along it the direction lies.
-fn place(lines: usize, w: DVec3) -> (usize, f64) {
-    let norm = w.x.abs() + w.y.abs() + w.z.abs();
-    let line = (((w.x / norm + 1.0) * 0.5 * lines as f64) as usize).min(lines - 1);
-    let fraction = w.y.abs() / (w.y.abs() + w.z.abs());
-    let (quadrant, fraction) = match (w.y >= 0.0, w.z >= 0.0) {
-        (true, true) => (0, fraction),
-        (true, false) => (1, 1.0 - fraction),
-        (false, false) => (2, fraction),
-        (false, true) => (3, 1.0 - fraction),
-    };
-    (line * 4 + quadrant, fraction)
+/// Rows of patches that are placed before their light is added.
+const BLOCK: usize = 64;
+
+/// A row of patches, and where in the tables of all axes their light belongs.
+#[derive(Clone, Debug, Default)]
+struct Patches {
+    moments: [Vec<f64>; 3],
+    radiance: Vec<Vec3>,
+    places: [Vec<u32>; 3],
 }
 
-/// What one receiver's visible intervals add up to. Keep it and use it again: its memory is reused.
+impl Patches {
+    fn take(&mut self, patches: impl Iterator<Item = (DVec3, Vec3)>) {
+        self.moments.iter_mut().for_each(Vec::clear);
+        self.radiance.clear();
+        for (moment, radiance) in patches {
+            self.moments.iter_mut().zip(moment.to_array()).for_each(|(lanes, value)| lanes.push(value));
+            self.radiance.push(radiance);
+        }
+    }
+
+    fn place(&mut self, lines: usize, cells: usize) {
+        let count = self.radiance.len();
+        for (axis, places) in self.places.iter_mut().enumerate() {
+            places.resize(count, 0);
+            // The chart's axes in the order of `cycle`.
+            let moments = [0, 1, 2].map(|k| &self.moments[(axis + k) % 3][..count]);
+            place(moments, lines, cells, places);
+        }
+    }
+}
+
+/// Where the light from directions belongs, given in the chart's axes by component, of any length: behind the cell of the quadrant in the
+/// slab of the isoline.
+fn place(moments: [&[f64]; 3], lines: usize, cells: usize, places: &mut [u32]) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the feature.
+        return unsafe { place_avx2(moments, lines, cells, places) };
+    }
+    place_inline(moments, lines, cells, places);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn place_avx2(moments: [&[f64]; 3], lines: usize, cells: usize, places: &mut [u32]) {
+    place_inline(moments, lines, cells, places);
+}
+
+#[inline(always)]
+fn place_inline([x, y, z]: [&[f64]; 3], lines: usize, cells: usize, places: &mut [u32]) {
+    // Whole numbers stand in the low bits of the sum with 2^52. NaN becomes zero.
+    let whole = |value: f64, count: usize| {
+        let value = value.max(0.0).min((count - 1) as f64).floor();
+        (value + (1u64 << 52) as f64).to_bits() as u32
+    };
+    for (((&x, &y), &z), place) in x.iter().zip(y).zip(z).zip(places) {
+        let m = y.abs() + z.abs();
+        let line = whole((x / (x.abs() + m) + 1.0) * 0.5 * lines as f64, lines);
+        let (left, lower) = (u32::from(y < 0.0), u32::from(z < 0.0));
+        let fraction = y.abs() / m;
+        // Zeros count as positive. In every other quadrant |y| falls.
+        let fraction = if left ^ lower == 0 { fraction } else { 1.0 - fraction };
+        let (quadrant, cell) = (2 * left + (left ^ lower), whole(fraction * cells as f64, cells));
+        *place = (quadrant * (cells as u32 + 1) + cell + 1) * lines as u32 + line;
+    }
+}
+
+/// What one receiver's visible spans add up to. Keep it and use it again: its memory is reused.
 #[derive(Clone, Debug, Default)]
 pub struct LightMoments {
     sum: [f64; 9],
-    /// The intervals, those of a line side by side, and where each line's are.
-    intervals: Vec<Interval>,
-    of_line: Vec<Range<usize>>,
+    rows: Vec<Row>,
+    /// Where the rows of each sample end.
+    bounds: Vec<usize>,
 }
 
 impl LightMoments {
-    /// Forgets everything, and makes room for the lines of a table.
-    pub fn clear(&mut self, table: &LightTable) {
-        self.sum = [0.0; 9];
-        self.intervals.clear();
-        self.of_line.clear();
-        self.of_line.resize(table.lines, 0..0);
-    }
-
-    /// Adds a visible interval of an isoline, which follow one another along the axis numbered `axis`. A line's come one after
-    /// another.
-    pub fn add(&mut self, table: &LightTable, axis: usize, interval: Interval) {
-        table.add(axis, interval.line, interval, 1.0, &mut self.sum);
-        let of_line = &mut self.of_line[interval.line];
-        if of_line.start == of_line.end {
-            *of_line = self.intervals.len()..self.intervals.len();
-        }
-        self.intervals.push(interval);
-        of_line.end = self.intervals.len();
-    }
-
     /// Vector irradiance of each colour, integral of L V w.
     pub fn vectors(&self) -> [DVec3; 3] {
         [0, 3, 6].map(|i| DVec3::from_slice(&self.sum[i..i + 3]))
     }
+}
 
-    /// The error to expect of each number of [`LightMoments::vectors`]: every other slab under the mean of what its neighbours'
-    /// isolines see, and light that is uneven inside the cells where intervals end. From the slabs in which most of the light is
-    /// and a sample of the others.
-    pub fn errors(&self, table: &LightTable, axis: usize) -> [DVec3; 3] {
-        let (mut sums, mut squares) = ([0.0; 9], [0.0; 9]);
-        for &Sample { line, weight } in &table.samples[axis] {
-            let mut difference = [0.0; 9];
-            let inner = line > 0 && line + 1 < table.lines;
-            let share = if inner { -0.5 } else { -1.0 };
-            let neighbours = [line.wrapping_sub(1), line + 1].into_iter().filter(|&other| other < table.lines);
-            for (from, factor) in neighbours.map(|other| (other, share)).chain([(line, 1.0)]) {
-                for &interval in &self.intervals[self.of_line[from].clone()] {
-                    table.add(axis, line, interval, factor, &mut difference);
-                }
-            }
-            let sign = if line % 2 == 0 { weight } else { -weight };
-            for ((sum, square), difference) in sums.iter_mut().zip(&mut squares).zip(difference) {
-                *sum += sign * difference;
-                *square += weight * difference * difference;
-            }
-            for &interval in &self.intervals[self.of_line[line].clone()] {
-                table.add_squares(axis, line, interval, weight * UNEVEN * UNEVEN, &mut squares);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Sky;
+
+    #[test]
+    fn patches_of_light_are_put_where_they_belong() {
+        let (lines, cells) = (14, 9);
+        let isolines = Isolines::new(lines).unwrap();
+        let number = |i: usize| (i * 7919 % 1009) as f64 - 504.0;
+        let mut moments = [0, 1, 2].map(|k| (0..500).map(|i| number(3 * i + k)).collect::<Vec<f64>>());
+        for (i, w) in [[0.0, 0.0, 1.0], [-0.0, 1.0, -0.0], [1.0, 0.0, 0.0], [-1.0, -0.0, 0.0]].into_iter().enumerate() {
+            (0..3).for_each(|k| moments[k][i] = w[k]);
+        }
+        let moments = moments.each_ref().map(Vec::as_slice);
+        let (mut dispatched, mut portable) = (vec![0; 500], vec![0; 500]);
+        place(moments, lines, cells, &mut dispatched);
+        place_inline(moments, lines, cells, &mut portable);
+        assert_eq!(dispatched, portable);
+        for (i, &place) in dispatched.iter().enumerate() {
+            let (line, cell) = (place as usize % lines, place as usize / lines - 1);
+            let w = DVec3::new(moments[0][i], moments[1][i], moments[2][i]);
+            let w = w / w.abs().element_sum();
+            assert!((w.x - isolines.u(line)).abs() < 1.0 / lines as f64 + 1e-12, "{w} in slab {line}");
+            if w.x.abs() < 1.0 {
+                let (quadrant, f) = (cell / (cells + 1), (cell % (cells + 1)) as f64 / cells as f64);
+                let corners = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
+                let [from, to] = [f, f + 1.0 / cells as f64].map(|f| corners[quadrant].lerp(corners[quadrant + 1], f));
+                let w = DVec3::new(0.0, w.y, w.z) / (1.0 - w.x.abs());
+                assert!((w - from).dot(to - from) > -1e-12 && (w - to).dot(to - from) < 1e-12, "{w} in {from} to {to}");
             }
         }
-        // What the slabs have in common, and what they have not. Both halves of the isolines are looked at.
-        let error = |(sum, square): (&f64, &f64)| 0.25 * sum * sum + 0.5 * square;
-        [0, 3, 6].map(|i| DVec3::from_array([i, i + 1, i + 2].map(|i| error((&sums[i], &squares[i])).sqrt())))
+    }
+
+    /// Spans from the whole to a point, with and without gaps, that begin and end at the spine, the fold, the far corner and anywhere,
+    /// against the sums of their cells.
+    #[test]
+    fn spans_add_up_to_their_cells() {
+        let isolines = Isolines::new(8).unwrap();
+        let table = LightTable::new(&isolines, &Sky { height: 32, ..Sky::default() }.environment().unwrap());
+        let places = [0.0, 0.25, 0.3, 1.0, 1.25, 1.7, 2.0];
+        let pairs = (0..places.len()).flat_map(|i| (i + 1..places.len()).map(move |j| (places[i], places[j])));
+        let mut cases: Vec<Vec<(f64, f64)>> = pairs.map(|pair| vec![pair]).collect();
+        cases.extend([
+            vec![],
+            vec![(0.0, 0.25), (1.0, 2.0)],
+            vec![(0.0, 1.0), (1.25, 1.7)],
+            vec![(0.3, 1.25), (1.7, 2.0)],
+        ]);
+        let mut moments = LightMoments::default();
+        for shift in 0..cases.len() {
+            let lines: Vec<&[(f64, f64)]> = (0..16).map(|i| &*cases[(shift + i * i) % cases.len()]).collect();
+            for rank in 0..3 {
+                let frame = Frame::facing(Some(DVec3::new(0.3, -0.5, 0.8)), rank);
+                table.integrate(frame, &Spans::new(&lines), &mut moments);
+                let mut expected = [0.0; 9];
+                for (line, spans) in lines.iter().enumerate() {
+                    let (half, line) = (line / 8, line % 8);
+                    for (leg, quadrant) in quadrants(frame, half).into_iter().enumerate() {
+                        for cell in 0..table.cells {
+                            let [low, high] = [cell, cell + 1].map(|cell| {
+                                let s = cell as f64 / table.cells as f64;
+                                leg as f64 + if half == 0 { s } else { 1.0 - s }
+                            });
+                            let (low, high) = (low.min(high), low.max(high));
+                            let seen: f64 =
+                                spans.iter().map(|(from, to)| (to.min(high) - from.max(low)).max(0.0)).sum();
+                            let (row, _) = table.cell(line, quadrant, cell as f64 / table.cells as f64);
+                            let [low, high] = [row, row + table.lines].map(|row| table.axes[frame.axis()][row]);
+                            for (expected, (low, high)) in expected.iter_mut().zip(low.iter().zip(high)) {
+                                *expected += (high - low) * seen * table.cells as f64;
+                            }
+                        }
+                    }
+                }
+                let scale: f64 = table.axes[0].last().unwrap().iter().map(|x| x.abs()).sum();
+                for (found, expected) in moments.sum.iter().zip(expected) {
+                    assert!((found - expected).abs() < 1e-12 * scale, "{found} instead of {expected}");
+                }
+                let rows = &moments.rows;
+                assert_eq!(moments.sum, add_inline(&table.axes[frame.axis()], rows, 0..rows.len()));
+            }
+        }
     }
 }

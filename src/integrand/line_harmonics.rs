@@ -278,7 +278,7 @@ mod tests {
                     let (sin, cos) = meridians.u(line).sin_cos();
                     (n.x * cos + n.y * sin) / -n.z
                 };
-                let spans: Vec<_> = (0..96).map(|line| [(-Spans::POLE, horizon(line))]).collect();
+                let spans: Vec<_> = (0..96).map(|line| [(-Meridians::POLE, horizon(line))]).collect();
                 let spans = Spans::new(&spans.iter().map(|line| &line[..]).collect::<Vec<_>>());
                 let mut moments = LineMoments::default();
                 table.integrate(&spans, &mut moments);
@@ -298,8 +298,8 @@ mod tests {
             let table = LineHarmonics::new(order, &meridians);
             for (line, spans) in [
                 (0, vec![(-0.7, 0.3)]),
-                (5, vec![(-Spans::POLE, -1e-3), (0.4, 7.0)]),
-                (11, vec![(-900.0, -4.0), (-1.0, 0.0), (2.5, Spans::POLE)]),
+                (5, vec![(-Meridians::POLE, -1e-3), (0.4, 7.0)]),
+                (11, vec![(-900.0, -4.0), (-1.0, 0.0), (2.5, Meridians::POLE)]),
             ] {
                 let mut moments = LineMoments::default();
                 let all: Vec<&[(f64, f64)]> = (0..12).map(|i| if i == line { &spans[..] } else { &[] }).collect();

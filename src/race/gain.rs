@@ -1,13 +1,15 @@
-use crate::bake::{Control, Method, Prepared, Request, Skips, Unmoved};
+use crate::bake::{Control, Method, Prepared, Skips, Unmoved};
 use crate::{Error, Result};
 
-use super::Track;
+use super::{Quantity, Track};
 
 /// What leaving one kind of needless work undone gains.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gain {
     /// Scene it was measured in.
     pub scene: String,
+    /// What was computed.
+    pub quantity: Quantity,
     /// The kind of work.
     pub skip: &'static str,
     /// Seconds of processor time per receiver with everything left undone that can be.
@@ -24,12 +26,17 @@ pub(super) const LINES: u32 = 64;
 const ROUNDS: usize = 3;
 
 impl Gain {
-    /// The gains of all kinds of work on a track, for the occlusion along isolines. What `prepared` has built is used again.
+    /// The gains of all kinds of work on a track, for a quantity along isolines. What `prepared` has built is used again.
     ///
     /// # Errors
     /// As [`Prepared::integrate`], and [`Error::Interrupted`] when `control` asks to stop.
-    pub fn measure(mut prepared: Prepared, track: &Track, control: &dyn Control) -> Result<Vec<Self>> {
-        let request = Request { ambient_occlusion: true, ..Request::default() };
+    pub fn measure(
+        prepared: &mut Prepared,
+        track: &Track,
+        quantity: Quantity,
+        control: &dyn Control,
+    ) -> Result<Vec<Self>> {
+        let request = quantity.request();
         let mut run = |skips: Skips| {
             prepared.set_skips(skips);
             let method = Method::Isolines { lines: LINES };
@@ -51,7 +58,10 @@ impl Gain {
                         gain.without = gain.without.min(without);
                         gain.same_bits &= same_bits;
                     }
-                    None => gains.push(Self { scene: track.name.clone(), skip, with, without, same_bits }),
+                    None => {
+                        let scene = track.name.clone();
+                        gains.push(Self { scene, quantity, skip, with, without, same_bits });
+                    }
                 }
             }
         }

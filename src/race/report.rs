@@ -64,7 +64,7 @@ pub fn race(
     control.begin("racing", EVENT_STEPS * (tracks.len() * quantities.len()) as u64);
     for track in tracks {
         let track = track?;
-        let prepared = Prepared::new(&track.geometry, Some(&track.environment));
+        let mut prepared = Prepared::new(&track.geometry, Some(&track.environment));
         let [first, more @ ..] = &pools[..] else { return Err(Error::input("a race needs a thread")) };
         let builds = first.install(|| Builds::measure(&prepared, &track, control))?;
         for &quantity in quantities {
@@ -77,7 +77,9 @@ pub fn race(
             race.write(folder)?;
             result?;
         }
-        race.gains.extend(first.install(|| Gain::measure(prepared, &track, control))?);
+        for quantity in [Quantity::Occlusion, Quantity::Light] {
+            race.gains.extend(first.install(|| Gain::measure(&mut prepared, &track, quantity, control))?);
+        }
         race.write(folder)?;
     }
     Ok(race)
@@ -315,17 +317,17 @@ impl Race {
         }
         let _ = write!(
             text,
-            "\n## What is not done\n\nOcclusion along {} isolines, microseconds of processor time a receiver: with all \
+            "\n## What is not done\n\nAlong {} isolines, microseconds of processor time a receiver: with all \
              needless work left undone, and with one kind of it done after all.\n\n\
-             | scene | work | left undone | done | done / undone | same bits |\n|---|---|--:|--:|--:|---|\n",
+             | scene | of | work | left undone | done | done / undone | same bits |\n|---|---|---|--:|--:|--:|---|\n",
             super::gain::LINES
         );
-        for Gain { scene, skip, with, without, same_bits } in &self.gains {
+        for Gain { scene, quantity, skip, with, without, same_bits } in &self.gains {
             let (times, ratio) = ([with, without].map(|time| significant(1e6 * time)), without / with);
             let same = if *same_bits { "yes" } else { "**no**" };
             let _ = writeln!(
                 text,
-                "| {scene} | {} | {} | {} | {ratio:.2} | {same} |",
+                "| {scene} | {quantity} | {} | {} | {} | {ratio:.2} | {same} |",
                 skip.replace('_', " "),
                 times[0],
                 times[1]

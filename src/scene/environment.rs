@@ -180,24 +180,33 @@ impl Environment {
     /// Cuts every pixel into `split` x `split` patches of equal angles. For each of them: the integral of w over it,
     /// exactly (as a direction: where it lies; its solid angle is a little larger than its length), and its radiance.
     pub fn patches(&self, split: usize) -> impl Iterator<Item = (DVec3, Vec3)> {
+        let longitudes = self.patch_longitudes(split);
+        (0..self.height * split).flat_map(move |row| self.patch_row(split, row, longitudes.clone()))
+    }
+
+    /// Sines and cosines of the longitudes between which [patches](Self::patches) lie.
+    pub(crate) fn patch_longitudes(&self, split: usize) -> Arc<[(f64, f64)]> {
+        let columns = self.width * split;
+        (0..=columns).map(|edge| (PI * (1.0 - 2.0 * edge as f64 / columns as f64)).sin_cos()).collect()
+    }
+
+    /// One row of the [patches](Self::patches).
+    pub(crate) fn patch_row(
+        &self,
+        split: usize,
+        row: usize,
+        longitudes: Arc<[(f64, f64)]>,
+    ) -> impl Iterator<Item = (DVec3, Vec3)> {
         let (columns, rows) = (self.width * split, self.height * split);
-        let edge = |edge: usize| (PI * (1.0 - 2.0 * edge as f64 / columns as f64)).sin_cos();
-        let longitudes: Arc<[(f64, f64)]> = (0..=columns).map(edge).collect();
-        (0..rows).flat_map(move |row| {
-            let longitudes = longitudes.clone();
-            let [top, bottom] = [row, row + 1].map(|edge| (PI * (0.5 - edge as f64 / rows as f64)).sin_cos());
-            // Integrals over the latitudes of cos^2 and of sin cos.
-            let squared = 0.5 * (PI / rows as f64 + top.0 * top.1 - bottom.0 * bottom.1);
-            let mixed = 0.5 * (top.0 * top.0 - bottom.0 * bottom.0);
-            (0..columns).map(move |column| {
-                let (left, right) = (longitudes[column], longitudes[column + 1]);
-                let moment = DVec3::new(
-                    squared * (right.1 - left.1),
-                    mixed * TAU / columns as f64,
-                    squared * (left.0 - right.0),
-                );
-                (self.to_scene * moment, self.radiance[row / split * self.width + column / split])
-            })
+        let [top, bottom] = [row, row + 1].map(|edge| (PI * (0.5 - edge as f64 / rows as f64)).sin_cos());
+        // Integrals over the latitudes of cos^2 and of sin cos.
+        let squared = 0.5 * (PI / rows as f64 + top.0 * top.1 - bottom.0 * bottom.1);
+        let mixed = 0.5 * (top.0 * top.0 - bottom.0 * bottom.0);
+        (0..columns).map(move |column| {
+            let (left, right) = (longitudes[column], longitudes[column + 1]);
+            let moment =
+                DVec3::new(squared * (right.1 - left.1), mixed * TAU / columns as f64, squared * (left.0 - right.0));
+            (self.to_scene * moment, self.radiance[row / split * self.width + column / split])
         })
     }
 

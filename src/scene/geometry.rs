@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{Mesh, Topology};
+use super::{FaceTree, Mesh, Topology};
 use crate::{Error, Result};
 
 /// Largest magnitude of a coordinate that a [`Geometry`] accepts, in scene units.
@@ -78,6 +78,11 @@ impl VertexFaces {
 }
 
 impl Geometry {
+    /// A tree over all triangles, for rays.
+    pub fn face_tree(&self) -> FaceTree {
+        FaceTree::new(self.positions.clone(), self.triangles.clone())
+    }
+
     /// Smallest and largest coordinates; `None` without triangles.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
         let first = *self.positions.first()?;

@@ -1,8 +1,6 @@
 //! On which faces a point lies, decided exactly.
 
-use std::sync::Arc;
-
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
 use super::FaceTree;
@@ -13,12 +11,7 @@ use super::FaceTree;
 /// (1997) are exact; so a point that was computed and rounded mostly lies beside the face it was meant for, while corners,
 /// points of axis-aligned faces and whatever was derived without rounding lie on theirs. (What these determinants cannot see
 /// is a step off the face so small that its products are below the double range: some 1e-300 times the face's area.)
-pub fn faces_at(
-    positions: &Arc<[Vec3]>,
-    triangles: &Arc<[[u32; 3]]>,
-    points: impl IntoIterator<Item = DVec3>,
-) -> Vec<Vec<u32>> {
-    let tree = FaceTree::new(positions.clone(), triangles.clone());
+pub fn faces_at(tree: &FaceTree, points: impl IntoIterator<Item = DVec3>) -> Vec<Vec<u32>> {
     let at = |point| {
         let mut faces = Vec::new();
         tree.visit_around(point, |face| {
@@ -51,23 +44,26 @@ fn holds([a, b, c]: [DVec3; 3], p: DVec3) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     /// A square in the plane x + y + z = 0 scaled by 2^-20, cut along a diagonal, a copy of one half wound the other way, and
     /// a triangle above.
-    fn scene() -> (Arc<[Vec3]>, Arc<[[u32; 3]]>) {
+    fn scene() -> (Vec<Vec3>, FaceTree) {
         let s = 2f32.powi(-20);
         let positions = [(1, -1, 0), (0, 1, -1), (-1, 1, 0), (0, -1, 1), (5, 5, 5), (6, 5, 5), (5, 6, 5)];
         let positions: Vec<Vec3> =
             positions.iter().map(|&(x, y, z)| s * Vec3::new(x as f32, y as f32, z as f32)).collect();
-        (positions.into(), vec![[0, 1, 2], [0, 2, 3], [2, 1, 0], [4, 5, 6]].into())
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [2, 1, 0], [4, 5, 6]];
+        (positions.clone(), FaceTree::new(positions.into(), triangles.into()))
     }
 
     #[test]
     fn corners_edges_insides_and_copies() {
-        let (positions, triangles) = scene();
+        let (positions, tree) = scene();
         let p = |k: usize| positions[k].as_dvec3();
-        let at = |point| faces_at(&positions, &triangles, [point]).remove(0);
+        let at = |point| faces_at(&tree, [point]).remove(0);
         assert_eq!(at(p(0)), [0, 1, 2], "corner");
         assert_eq!(at(p(3)), [1]);
         assert_eq!(at(p(0).midpoint(p(2))), [0, 1, 2], "edge");
@@ -82,22 +78,22 @@ mod tests {
     /// The least step in any direction off the plane leaves it.
     #[test]
     fn neighbours_in_double_precision_lie_beside() {
-        let (positions, triangles) = scene();
+        let (positions, tree) = scene();
         let p = |k: usize| positions[k].as_dvec3();
         // No coordinate is zero, whose neighbours are too near for products.
         let inside = p(2).midpoint(p(0).midpoint(p(1)));
-        assert_eq!(faces_at(&positions, &triangles, [inside]), [[0, 2]]);
+        assert_eq!(faces_at(&tree, [inside]), [[0, 2]]);
         for axis in 0..3 {
             let mut up = inside;
             up[axis] = up[axis].next_up();
             let mut down = inside;
             down[axis] = down[axis].next_down();
-            assert!(faces_at(&positions, &triangles, [up, down]).iter().all(Vec::is_empty), "axis {axis}");
+            assert!(faces_at(&tree, [up, down]).iter().all(Vec::is_empty), "axis {axis}");
         }
     }
 
     #[test]
     fn nothing_lies_on_no_face() {
-        assert_eq!(faces_at(&Vec::new().into(), &Vec::new().into(), [DVec3::ZERO]), [Vec::<u32>::new()]);
+        assert_eq!(faces_at(&FaceTree::new(Vec::new().into(), Vec::new().into()), [DVec3::ZERO]), [Vec::<u32>::new()]);
     }
 }

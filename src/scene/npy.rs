@@ -1,6 +1,6 @@
 //! NumPy's array files, versions 1 to 3 of the format (NumPy enhancement proposal 1).
 
-use std::io::Write;
+use std::io::{Read, Write};
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
@@ -23,11 +23,15 @@ pub(crate) enum Content {
 /// # Errors
 /// When the file is truncated, no array file, or of another type: a line that does not name the file.
 pub(crate) fn parse(bytes: &[u8]) -> Result<Content, String> {
-    let header = Header::parse(bytes)?;
-    match header.kind {
-        'U' if header.shape.is_empty() => header.text().map(Content::Text),
-        _ => header.numbers(),
+    let mut data = bytes;
+    let header = Header::read(&mut data)?;
+    header.check(data.len() as u64)?;
+    if header.kind == 'U' && header.shape.is_empty() {
+        return header.text(data).map(Content::Text);
     }
+    let numbers = header.numbers(data)?;
+    let numbers = if header.fortran_order { in_c_order(&header.shape, &numbers) } else { numbers };
+    Ok(Content::Numbers { shape: header.shape, data: numbers })
 }
 
 /// Writes the header of a version 1 file for little-endian numbers of type `descr`, in C order.
@@ -45,30 +49,46 @@ pub(crate) fn write_header(file: &mut impl Write, descr: &str, shape: &[usize]) 
     file.write_all(text.as_bytes())
 }
 
-struct Header<'a> {
+/// What stands before an array's numbers.
+#[derive(Debug)]
+pub(crate) struct Header {
     big_endian: bool,
     /// NumPy's letter of the type: f, i, u, b, U, ...
     kind: char,
     /// Bytes of one element.
-    size: usize,
-    fortran_order: bool,
-    shape: Vec<usize>,
-    data: &'a [u8],
+    pub(crate) size: usize,
+    /// Whether the first axis varies fastest.
+    pub(crate) fortran_order: bool,
+    /// Length of every axis.
+    pub(crate) shape: Vec<usize>,
 }
 
-impl<'a> Header<'a> {
-    fn parse(bytes: &'a [u8]) -> Result<Self, String> {
+impl Header {
+    /// Reads as far as the first number.
+    ///
+    /// # Errors
+    /// As [`parse`].
+    pub(crate) fn read(file: &mut impl Read) -> Result<Self, String> {
         let not = || "not a NumPy array file, or truncated".to_owned();
-        let rest = bytes.strip_prefix(MAGIC).ok_or_else(not)?;
-        let (version, rest) = rest.split_first_chunk::<2>().ok_or_else(not)?;
-        let (length, rest) = match version[0] {
-            1 => rest.split_first_chunk::<2>().map(|(n, rest)| (u16::from_le_bytes(*n) as usize, rest)),
-            2 | 3 => rest.split_first_chunk::<4>().map(|(n, rest)| (u32::from_le_bytes(*n) as usize, rest)),
-            _ => None,
+        let mut start = [0; 8];
+        file.read_exact(&mut start).map_err(|_| not())?;
+        let (magic, version) = start.split_at(MAGIC.len());
+        let mut length = [0; 4];
+        let digits = match version[0] {
+            1 => 2,
+            2 | 3 => 4,
+            _ => return Err(not()),
+        };
+        file.read_exact(&mut length[..digits]).map_err(|_| not())?;
+        if magic != MAGIC {
+            return Err(not());
         }
-        .ok_or_else(not)?;
-        let (text, data) = rest.split_at_checked(length).ok_or_else(not)?;
-        let text = std::str::from_utf8(text).map_err(|_| not())?;
+        let length = u32::from_le_bytes(length);
+        let mut text = Vec::new();
+        // Grows with what is really there.
+        file.take(length.into()).read_to_end(&mut text).map_err(|_| not())?;
+        let text = String::from_utf8(text).ok().filter(|text| text.len() == length as usize).ok_or_else(not)?;
+        let text = text.as_str();
 
         let descr = value(text, "descr").ok_or_else(not)?;
         let descr = descr.strip_prefix(['\'', '"']).and_then(|rest| rest.split(['\'', '"']).next());
@@ -87,33 +107,43 @@ impl<'a> Header<'a> {
         let shape = value(text, "shape").and_then(|rest| rest.strip_prefix('(')?.split(')').next()).ok_or_else(not)?;
         let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
         let shape: Vec<usize> = lengths.map(|length| length.parse().map_err(|_| not())).collect::<Result<_, _>>()?;
-        let bytes = shape.iter().try_fold(size, |product, &length| product.checked_mul(length));
-        if bytes != Some(data.len()) {
-            return Err(format!("truncated: {} bytes of numbers do not fill shape {shape:?}", data.len()));
-        }
         let fortran_order = value(text, "fortran_order").ok_or_else(not)?.starts_with("True");
-        Ok(Self { big_endian: order == '>', kind, size, fortran_order, shape, data })
+        Ok(Self { big_endian: order == '>', kind, size, fortran_order, shape })
     }
 
-    fn numbers(self) -> Result<Content, String> {
-        let data = match (self.kind, self.size) {
-            ('f', 8) => self.elements(f64::from_le_bytes),
-            ('f', 4) => self.elements(|b| f32::from_le_bytes(b).into()),
-            ('i', 1) => self.elements(|b| i8::from_le_bytes(b).into()),
-            ('i', 2) => self.elements(|b| i16::from_le_bytes(b).into()),
-            ('i', 4) => self.elements(|b| i32::from_le_bytes(b).into()),
-            ('i', 8) => self.elements(|b| i64::from_le_bytes(b) as f64),
-            ('u', 1) | ('b', 1) => self.elements(|b| u8::from_le_bytes(b).into()),
-            ('u', 2) => self.elements(|b| u16::from_le_bytes(b).into()),
-            ('u', 4) => self.elements(|b| u32::from_le_bytes(b).into()),
-            ('u', 8) => self.elements(|b| u64::from_le_bytes(b) as f64),
+    /// Fails unless so many bytes hold exactly the array's numbers.
+    ///
+    /// # Errors
+    /// A line that says so.
+    pub(crate) fn check(&self, bytes: u64) -> Result<(), String> {
+        let size = self.shape.iter().try_fold(self.size, |product, &length| product.checked_mul(length));
+        match size.is_some_and(|size| size as u64 == bytes) {
+            true => Ok(()),
+            false => Err(format!("truncated: {bytes} bytes of numbers do not fill shape {:?}", self.shape)),
+        }
+    }
+
+    /// The numbers that some of the array's bytes stand for, in the order of the file.
+    ///
+    /// # Errors
+    /// An array of text.
+    pub(crate) fn numbers(&self, data: &[u8]) -> Result<Vec<f64>, String> {
+        Ok(match (self.kind, self.size) {
+            ('f', 8) => self.elements(data, f64::from_le_bytes),
+            ('f', 4) => self.elements(data, |b| f32::from_le_bytes(b).into()),
+            ('i', 1) => self.elements(data, |b| i8::from_le_bytes(b).into()),
+            ('i', 2) => self.elements(data, |b| i16::from_le_bytes(b).into()),
+            ('i', 4) => self.elements(data, |b| i32::from_le_bytes(b).into()),
+            ('i', 8) => self.elements(data, |b| i64::from_le_bytes(b) as f64),
+            ('u', 1) | ('b', 1) => self.elements(data, |b| u8::from_le_bytes(b).into()),
+            ('u', 2) => self.elements(data, |b| u16::from_le_bytes(b).into()),
+            ('u', 4) => self.elements(data, |b| u32::from_le_bytes(b).into()),
+            ('u', 8) => self.elements(data, |b| u64::from_le_bytes(b) as f64),
             _ => return Err("holds text where numbers are wanted".into()),
-        };
-        let data = if self.fortran_order { in_c_order(&self.shape, &data) } else { data };
-        Ok(Content::Numbers { shape: self.shape, data })
+        })
     }
 
-    fn elements<const N: usize>(&self, number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
+    fn elements<const N: usize>(&self, data: &[u8], number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
         let element = |bytes: &[u8; N]| {
             let mut bytes = *bytes;
             if self.big_endian {
@@ -121,13 +151,13 @@ impl<'a> Header<'a> {
             }
             number(bytes)
         };
-        self.data.as_chunks::<N>().0.iter().map(element).collect()
+        data.as_chunks::<N>().0.iter().map(element).collect()
     }
 
-    fn text(&self) -> Result<String, String> {
+    fn text(&self, data: &[u8]) -> Result<String, String> {
         let code =
             |bytes: &[u8; 4]| if self.big_endian { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
-        let characters = self.data.as_chunks::<4>().0.iter().map(code).map(char::from_u32);
+        let characters = data.as_chunks::<4>().0.iter().map(code).map(char::from_u32);
         let text: Option<String> = characters.collect();
         Ok(text.ok_or("holds text that is not Unicode")?.trim_end_matches('\0').to_owned())
     }

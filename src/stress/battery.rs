@@ -42,7 +42,7 @@ fn receivers(many: usize) -> Result<Vec<Case>> {
             let n = sign * (b - a).cross(c - a).normalize();
             [a, a.midpoint(b), b.midpoint(c), (a + b + 2.0 * c) / 4.0].map(|p| (p, n))
         });
-        Receivers::points(faces).on_surface(&cube_scene)
+        Receivers::points(faces).on_surface(&cube_scene.face_tree())
     };
     let outwards = on_cube(1.0);
     let mut cases = vec![
@@ -67,11 +67,11 @@ fn receivers(many: usize) -> Result<Vec<Case>> {
     }
     let places = [(0.0, 0.0), (0.25, 0.125), (-0.25, 0.5), (0.5, 0.5), (1.0, 0.0), (1.0, 0.25), (0.5, -0.75)];
     let coplanar = [DVec3::Y, -DVec3::Y].into_iter().flat_map(|n| places.map(|(x, z)| (DVec3::new(x, 0.0, z), n)));
-    let coplanar = Receivers::points(coplanar).on_surface(&*scene(&tiles)?);
+    let coplanar = Receivers::points(coplanar).on_surface(&scene(&tiles)?.face_tree());
     let open = Truth::Known(closed::open(&coplanar));
     cases.push(case("in the plane of other faces", &tiles, coplanar, open)?);
     let aslant = places.map(|(x, z)| (DVec3::new(x, 0.0, z), DVec3::new(0.6, 0.0, 0.8)));
-    let aslant = Receivers::points(aslant).on_surface(&*scene(&tiles)?);
+    let aslant = Receivers::points(aslant).on_surface(&scene(&tiles)?.face_tree());
     let open = Truth::Known(closed::open(&aslant));
     cases.push(case("seeing faces edge-on", &tiles, aslant, open)?);
 
@@ -80,7 +80,7 @@ fn receivers(many: usize) -> Result<Vec<Case>> {
     let standing = [floor, cuboid(grid(-16, 0, -16), grid(16, 16, 16))].concat();
     let foot = [(-1.0, -1.0), (-1.0, 0.0), (1.0, 0.25), (0.0, 1.0), (1.5, 0.0), (0.0, 0.0), (1.0, 2.0), (-4.0, -4.0)];
     let touching = foot.map(|(x, z)| (DVec3::new(x, 0.0, z), DVec3::Y));
-    let touching = Receivers::points(touching).on_surface(&*scene(&standing)?);
+    let touching = Receivers::points(touching).on_surface(&scene(&standing)?.face_tree());
     cases.push(case("where a box touches a floor", &standing, touching, Truth::Rays)?);
     let vertices = Receivers::vertices(&*scene(&standing)?).0;
     cases.push(case("on vertices that touch a floor", &standing, vertices, Truth::Rays)?);

@@ -1,272 +1,365 @@
+use std::ops::Range;
+
+use dual_bvh::{Candidates, Contours, Part};
 use glam::DVec3;
 
-use super::{Arc, Frame, Isolines, ReceiverContours};
+use super::chart::{Chart, Outlook};
+use super::contours::arc_plane;
+use super::vertices::{BELOW, fill};
 
-/// A direction's place in the chart: its quadrant, its integer place between the isolines, and |y| / (|y| + |z|).
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
-    quadrant: u8,
-    below: u32,
-    fraction: f64,
-}
-
-impl Place {
-    /// Zeros count as positive, for every arc alike.
-    pub(super) fn of(w: DVec3, isolines: &Isolines) -> Self {
-        let quadrant = match (w.y >= 0.0, w.z >= 0.0) {
-            (true, true) => 0,
-            (true, false) => 1,
-            (false, false) => 2,
-            (false, true) => 3,
-        };
-        let m = w.y.abs() + w.z.abs();
-        Self { quadrant, below: isolines.below(w.x, m), fraction: w.y.abs() / m }
-    }
-
-    fn right(self) -> bool {
-        self.quadrant < 2
-    }
-
-    fn upper(self) -> bool {
-        self.quadrant == 0 || self.quadrant == 3
-    }
-}
-
-/// Where an arc passes from one half of the isolines to the other.
-pub(super) enum Passage {
-    /// Through the spine (y = 0, z > 0), having this many isolines below it.
-    Spine(u32),
-    /// Through the far side (y = 0, z < 0).
-    Back(u32),
-}
-
-/// How the arc from `a` to `b` with this plane passes the plane y = 0, if it does.
-///
-/// Decided from the signs of its ends and the plane's bits alone: an arc and each of its faces get the same answer,
-/// whether they were clipped at the horizon or not.
-pub(super) fn passage(a: Place, b: Place, plane: DVec3, isolines: &Isolines) -> Option<Passage> {
-    if a.right() == b.right() {
-        return None;
-    }
-    // The arc's point with y = 0 on the way to the side of b.
-    let (x, z) = if b.right() { (plane.z, -plane.x) } else { (-plane.z, plane.x) };
-    let below = if x == 0.0 && z == 0.0 { a.below } else { isolines.below(x, z.abs()) };
-    let spine = if a.upper() == b.upper() { a.upper() } else { z >= 0.0 };
-    Some(if spine { Passage::Spine(below) } else { Passage::Back(below) })
-}
-
-/// A part of an arc inside one quadrant of the chart, and the isolines it crosses there.
-#[derive(Clone, Copy, Debug)]
-struct Piece {
-    /// 0: the half y >= 0; 1: the half y < 0.
-    half: u8,
-    /// Beyond the fold, where z < 0.
-    far: bool,
-    first: u32,
-    last: u32,
-    slope: f64,
-    offset: f64,
-    least: f64,
-    most: f64,
-    /// Change of W when the isoline's half is followed away from the spine.
+/// A contour that may cross isolines.
+#[derive(Clone, Copy, Debug, Default)]
+struct Chord {
+    a: u32,
+    b: u32,
     jump: i32,
 }
 
-/// All crossings of one receiver's contours with the halves of the isolines, sorted along each.
-///
-/// A half is followed from the spine: `s` in [0, 1] runs to the fold z = 0 and `s` in [1, 2] on to the far corner.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Crossings {
-    places: Vec<Place>,
-    pieces: Vec<Piece>,
-    /// Number of crossings before half-line `2 * line + half`, with an end mark.
-    starts: Vec<u32>,
-    next: Vec<u32>,
-    keys: Vec<u64>,
-    /// Change of W along the spine on reaching each isoline.
-    spine: Vec<i32>,
+/// Arcs side by side.
+pub(super) const LANES: usize = 4;
+
+/// A few arcs in the axes of a chart.
+pub(super) struct Arcs {
+    /// Normals a x b of their planes, by component.
+    pub(super) planes: [[f64; LANES]; 3],
+    /// Directions of the ends, not normalised, by component.
+    pub(super) ends: [[[f64; LANES]; 3]; 2],
+    pub(super) places: [[i32; LANES]; 2],
+    /// Change of W on the way from the left of an arc to its right.
+    pub(super) jumps: [i32; LANES],
+    /// Only so many; other lanes repeat the last.
+    pub(super) count: usize,
 }
 
-/// Low bits of a key that hold the jump; what is left of `s` has a resolution of 2^-44.
+/// What arcs are cut into.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pieces<P> {
+    pieces: Vec<P>,
+    /// Isolines outside of this range are not crossed.
+    lines: Range<usize>,
+    /// Number of crossings before each isoline of the range, with an end mark; zero outside. Differences at first.
+    starts: Vec<u32>,
+    /// What [`Chart::bases`] are made of, if any of it is not zero.
+    changes: Vec<i32>,
+}
+
+/// All crossings of one receiver's contours in some groups with the isolines.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Crossings<P> {
+    /// Of the candidates' vertices.
+    places: Vec<i32>,
+    chords: Vec<Chord>,
+    pieces: Pieces<P>,
+    next: Vec<u32>,
+    keys: Vec<i64>,
+    /// W at the start of every isoline less W where it was counted; empty if that is zero.
+    bases: Vec<i32>,
+    counts: Counts,
+}
+
+/// What became of the contours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Contours with a part above the horizon.
+    pub above: usize,
+    /// Contours below the horizon.
+    pub below: usize,
+    /// Of those above, the ones that lie between two isolines.
+    pub between: usize,
+    /// Groups of bodies whose contours were not looked at because nothing of them can be seen along the isolines.
+    pub hidden: usize,
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.above += other.above;
+        self.below += other.below;
+        self.between += other.between;
+        self.hidden += other.hidden;
+    }
+}
+
+/// Low bits of a key that hold the jump; what is left of a position has a relative resolution of 2^-44.
 const JUMP_BITS: u32 = 8;
 const JUMP_BIAS: i32 = 1 << (JUMP_BITS - 1);
 
-/// One crossing as sorted: position in the high bits, jump in the low ones. The sign of a negative zero would sort last.
-fn key(s: f64, jump: i32) -> u64 {
-    (s.abs().to_bits() & !((1 << JUMP_BITS) - 1)) | (jump + JUMP_BIAS) as u64
+/// One crossing as sorted: position in the high bits, jump in the low ones.
+#[inline(always)]
+fn key(position: f64, jump: i32) -> i64 {
+    // Adding zero makes the one zero of the other. Negative numbers sort by their bits turned over.
+    let bits = (position + 0.0).to_bits() as i64;
+    let ordered = bits ^ ((bits >> 63) as u64 >> 1) as i64;
+    ordered & !((1 << JUMP_BITS) - 1) | i64::from(jump + JUMP_BIAS)
 }
 
 /// Position and jump of a sorted crossing.
-pub(super) fn crossing(key: u64) -> (f64, i32) {
-    let mask = (1u64 << JUMP_BITS) - 1;
-    (f64::from_bits(key & !mask), (key & mask) as i32 - JUMP_BIAS)
+#[inline(always)]
+pub(super) fn crossing(key: i64) -> (f64, i32) {
+    let mask = (1i64 << JUMP_BITS) - 1;
+    let ordered = key & !mask;
+    let bits = ordered ^ ((ordered >> 63) as u64 >> 1) as i64;
+    (f64::from_bits(bits as u64), (key & mask) as i32 - JUMP_BIAS)
 }
 
-impl Crossings {
-    /// Crosses every arc above the horizon with the isolines.
-    pub(super) fn collect(&mut self, isolines: &Isolines, frame: Frame, contours: &ReceiverContours) {
-        self.places.clear();
-        self.places.extend(contours.directions.iter().map(|&d| Place::of(frame.apply(d), isolines)));
-        self.pieces.clear();
-        self.starts.clear();
-        self.starts.resize(2 * isolines.len() + 1, 0);
-        self.spine.clear();
-        self.spine.resize(isolines.len() + 1, 0);
-        for arc in &contours.arcs {
-            let (a, b) = (arc.a as usize, arc.b as usize);
-            let plane = frame.apply(arc.plane);
-            let [from, to] = match (contours.heights[a], contours.heights[b]) {
-                (ha, hb) if ha >= 0.0 && hb >= 0.0 => [self.places[a], self.places[b]],
-                (ha, hb) => {
-                    let (da, db) = (contours.directions[a], contours.directions[b]);
-                    let clipped = if ha >= 0.0 { db * ha - da * hb } else { da * hb - db * ha };
-                    let clipped = Place::of(frame.apply(clipped), isolines);
-                    if ha >= 0.0 { [self.places[a], clipped] } else { [clipped, self.places[b]] }
-                }
-            };
-            self.split(isolines, arc, plane, from, to);
-        }
-        self.bucket(isolines);
-    }
-
-    /// Cuts an arc at the planes y = 0 and z = 0 into at most three pieces, and notes where it meets the spine.
-    fn split(&mut self, isolines: &Isolines, arc: &Arc, plane: DVec3, from: Place, to: Place) {
-        // The arc's point with z = 0 on the way to the side of `to`.
-        let fold = |a: Place, b: Place| {
-            let (x, y) = if b.upper() { (-plane.y, plane.x) } else { (plane.y, -plane.x) };
-            if x == 0.0 && y == 0.0 { a.below } else { isolines.below(x, y.abs()) }
-        };
-        let mut piece = |quadrant: u8, (below_a, fraction_a): (u32, f64), (below_b, fraction_b): (u32, f64)| {
-            self.piece(isolines, arc.jump, plane, quadrant, (below_a, fraction_a), (below_b, fraction_b));
-        };
-        let (start, end) = ((from.below, from.fraction), (to.below, to.fraction));
-        match passage(from, to, plane, isolines) {
-            None if from.quadrant == to.quadrant => piece(from.quadrant, start, end),
-            None => {
-                let at = (fold(from, to), 1.0);
-                piece(from.quadrant, start, at);
-                piece(to.quadrant, at, end);
-            }
-            Some(passed) => {
-                let (at, upper) = match passed {
-                    Passage::Spine(at) => (at, true),
-                    Passage::Back(at) => (at, false),
-                };
-                let at = (at, 0.0);
-                let beside = |place: Place| match (place.right(), upper) {
-                    (true, true) => 0,
-                    (true, false) => 1,
-                    (false, false) => 2,
-                    (false, true) => 3,
-                };
-                for (place, forward) in [(from, true), (to, false)] {
-                    let end = (place.below, place.fraction);
-                    let legs = if place.upper() == upper {
-                        [Some((place.quadrant, end, at)), None]
-                    } else {
-                        let bend = (fold(from, to), 1.0);
-                        [Some((place.quadrant, end, bend)), Some((beside(place), bend, at))]
-                    };
-                    for (quadrant, outer, inner) in legs.into_iter().flatten() {
-                        if forward { piece(quadrant, outer, inner) } else { piece(quadrant, inner, outer) }
-                    }
-                }
-                if let Passage::Spine(at) = passed {
-                    self.spine[at as usize] += spine_jump(arc.jump, to);
-                }
-            }
-        }
-    }
-
-    fn piece(
-        &mut self,
-        isolines: &Isolines,
-        jump: i32,
-        plane: DVec3,
-        quadrant: u8,
-        (below_a, fraction_a): (u32, f64),
-        (below_b, fraction_b): (u32, f64),
-    ) {
-        if below_a == below_b {
-            return;
-        }
-        let (half, far) = (quadrant / 2, quadrant == 1 || quadrant == 2);
-        let sy = if half == 0 { 1.0 } else { -1.0 };
-        let sz = if far { -1.0 } else { 1.0 };
-        // plane . (r, sy f, sz (1 - f)) = 0 solved for f.
-        let scale = -1.0 / (plane.y * sy - plane.z * sz);
-        // At the poles +-x the fraction is NaN, and these take the other end's.
-        let (least, most) = (fraction_a.min(fraction_b), fraction_a.max(fraction_b));
-        // Away from the spine means to the left of an arc that runs towards +u in the half y >= 0.
-        let outward = if (below_b > below_a) == (half == 0) { -jump } else { jump };
-        let (first, last) = (below_a.min(below_b), below_a.max(below_b));
-        debug_assert!(last as usize <= isolines.len());
-        let (slope, offset) = (plane.x * scale, plane.z * sz * scale);
-        let mut left = outward;
+impl<P> Pieces<P> {
+    /// Adds a piece with this jump that crosses the isolines in these runs; large jumps make several pieces.
+    #[inline(always)]
+    pub(super) fn push(&mut self, jump: i32, runs: [Range<usize>; 2], piece: impl Fn(i32) -> P) {
+        let mut left = jump;
         while left != 0 {
             let jump = left.clamp(-JUMP_BIAS, JUMP_BIAS - 1);
             left -= jump;
-            self.pieces.push(Piece { half, far, first, last, slope, offset, least, most, jump });
+            self.pieces.push(piece(jump));
             // Differences now, counts after the running sum in `bucket`.
-            self.next_count(first, half, 1);
-            self.next_count(last, half, -1);
-        }
-    }
-
-    fn next_count(&mut self, line: u32, half: u8, change: i32) {
-        let at = 2 * line as usize + half as usize;
-        if at < self.starts.len() {
-            self.starts[at] = self.starts[at].wrapping_add_signed(change);
-        }
-    }
-
-    /// Sorts the crossings of all pieces into their half-lines.
-    fn bucket(&mut self, isolines: &Isolines) {
-        let half_lines = 2 * isolines.len();
-        let (mut running, mut total) = ([0u32; 2], 0u32);
-        // The last entry took the differences of pieces that end with the last isoline.
-        self.starts[half_lines] = 0;
-        for at in 0..half_lines {
-            running[at % 2] = running[at % 2].wrapping_add(self.starts[at]);
-            self.starts[at] = total;
-            total += running[at % 2];
-        }
-        self.starts[half_lines] = total;
-        self.next.clear();
-        self.next.extend_from_slice(&self.starts[..half_lines]);
-        self.keys.clear();
-        self.keys.resize(total as usize, 0);
-        let ratios = isolines.ratios();
-        for piece in &self.pieces {
-            for line in piece.first..piece.last {
-                let f = (piece.slope * ratios[line as usize] + piece.offset).max(piece.least).min(piece.most);
-                let s = if piece.far { 2.0 - f } else { f };
-                let next = &mut self.next[2 * line as usize + piece.half as usize];
-                self.keys[*next as usize] = key(s, piece.jump);
-                *next += 1;
-            }
-        }
-        for at in 0..half_lines {
-            let range = self.starts[at] as usize..self.starts[at + 1] as usize;
-            if range.len() > 1 {
-                self.keys[range].sort_unstable();
+            for run in &runs {
+                if !run.is_empty() {
+                    self.starts[run.start] = self.starts[run.start].wrapping_add(1);
+                    self.starts[run.end] = self.starts[run.end].wrapping_sub(1);
+                    self.lines = self.lines.start.min(run.start)..self.lines.end.max(run.end);
+                }
             }
         }
     }
 
-    /// Sorted crossings of one half of an isoline; take each apart with [`crossing`].
-    pub(super) fn along(&self, line: usize, half: usize) -> &[u64] {
-        let at = 2 * line + half;
-        &self.keys[self.starts[at] as usize..self.starts[at + 1] as usize]
+    /// Notes a change for [`Chart::bases`], one of `count`.
+    pub(super) fn change(&mut self, at: usize, count: usize, jump: i32) {
+        self.changes.resize(count, 0);
+        self.changes[at] += jump;
     }
 
-    /// Change of W along the spine on reaching `line` from the one below.
-    pub(super) fn spine(&self, line: usize) -> i32 {
-        self.spine[line]
+    fn clear(&mut self, lines: usize) {
+        self.pieces.clear();
+        self.changes.clear();
+        if self.starts.len() == lines + 1 {
+            self.starts[self.lines.start..=self.lines.end].fill(0);
+        } else {
+            self.starts.clear();
+            self.starts.resize(lines + 1, 0);
+        }
+        self.lines = lines..0;
     }
 }
 
-/// Change of W along the spine, towards +u, when an arc with this jump passes it on the way to `to`.
-pub(super) fn spine_jump(jump: i32, to: Place) -> i32 {
-    if to.right() { jump } else { -jump }
+impl<P: Copy> Crossings<P> {
+    /// Forgets all contours.
+    pub(super) fn clear(&mut self) {
+        self.chords.clear();
+        self.counts = Counts::default();
+    }
+
+    /// Places the contours of a group between the isolines and adds those that may cross some; with `between`, the others too.
+    pub(super) fn choose<C: Chart<Piece = P>>(
+        &mut self,
+        outlook: Outlook<C>,
+        candidates: &Candidates,
+        part: &Part,
+        contours: &Contours,
+        between: bool,
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.choose_avx2(outlook, candidates, part, contours, between) };
+        }
+        self.choose_inline(outlook, candidates, part, contours, between);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn choose_avx2<C: Chart<Piece = P>>(
+        &mut self,
+        outlook: Outlook<C>,
+        candidates: &Candidates,
+        part: &Part,
+        contours: &Contours,
+        between: bool,
+    ) {
+        self.choose_inline(outlook, candidates, part, contours, between);
+    }
+
+    #[inline(always)]
+    pub(super) fn choose_inline<C: Chart<Piece = P>>(
+        &mut self,
+        outlook: Outlook<C>,
+        candidates: &Candidates,
+        part: &Part,
+        contours: &Contours,
+        between: bool,
+    ) {
+        fill(&mut self.places, candidates, part, contours, outlook);
+        self.keep(candidates, contours, between);
+    }
+
+    /// Drops the contours that cross no open isoline; `open` has the number of open ones before each, twice around.
+    pub(super) fn drop_covered<C: Chart<Piece = P>>(&mut self, open: &[u32], chart: &C) {
+        let (places, chords) = (&*self.places, &mut self.chords);
+        let mut count = 0;
+        for i in 0..chords.len() {
+            let chord = chords[i];
+            let [a, b] = [chord.a, chord.b].map(|vertex| places[vertex as usize] & !BELOW);
+            let reach = chart.reach(a, b);
+            chords[count] = chord;
+            count += usize::from(open[reach.start] != open[reach.end]);
+        }
+        chords.truncate(count);
+    }
+
+    /// Crosses the contours that were chosen with the isolines.
+    pub(super) fn cross<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.cross_avx2(outlook, candidates) };
+        }
+        self.cross_inline(outlook, candidates);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn cross_avx2<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
+        self.cross_inline(outlook, candidates);
+    }
+
+    #[inline(always)]
+    pub(super) fn cross_inline<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
+        self.pieces.clear(outlook.chart.lines());
+        self.cut(outlook, candidates);
+        if self.pieces.lines.is_empty() {
+            self.pieces.lines = 0..0;
+        }
+        self.bases.clear();
+        if !self.pieces.changes.is_empty() {
+            C::bases(outlook, &self.pieces.changes, &mut self.bases);
+        }
+        self.bucket(outlook.chart);
+    }
+
+    /// Keeps the contours that cross isolines above the horizon.
+    #[inline(always)]
+    fn keep(&mut self, candidates: &Candidates, contours: &Contours, between: bool) {
+        let (edges, contours) = (candidates.edges(), contours.edges());
+        let places = &*self.places;
+        let old = self.chords.len();
+        self.chords.resize(old + contours.len() + 1, Chord::default());
+        let chords = &mut self.chords[old..];
+        let (mut count, mut below, mut crossing) = (0, 0, 0);
+        for contour in contours {
+            let edge = &edges[contour.edge as usize];
+            let (a, b) = (places[edge.a as usize], places[edge.b as usize]);
+            let is_below = a & b & BELOW != 0;
+            // All are written, those that cross stay: which they are is hard to predict.
+            chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
+            let crosses = ((a ^ b) & !BELOW != 0) & !is_below;
+            count += usize::from(crosses | between);
+            crossing += usize::from(crosses);
+            below += usize::from(is_below);
+        }
+        self.chords.truncate(old + count);
+        let above = contours.len() - below;
+        self.counts += Counts { above, below, between: above - crossing, hidden: 0 };
+    }
+
+    /// The pieces of all chords, four at a time.
+    #[inline(always)]
+    fn cut<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
+        let [x, y, z] = candidates.coordinates();
+        for chunk in 0..self.chords.len().div_ceil(LANES) {
+            let chords = &self.chords[LANES * chunk..];
+            let mut corners = [[[0.0; LANES]; 3]; 2];
+            let mut arcs = Arcs {
+                planes: [[0.0; LANES]; 3],
+                ends: [[[0.0; LANES]; 3]; 2],
+                places: [[0; LANES]; 2],
+                jumps: [0; LANES],
+                count: chords.len().min(LANES),
+            };
+            for lane in 0..LANES {
+                // The last lanes repeat the last chord.
+                let Chord { a, b, jump } = chords[lane.min(chords.len() - 1)];
+                arcs.jumps[lane] = jump;
+                for (end, vertex) in [a as usize, b as usize].into_iter().enumerate() {
+                    arcs.places[end][lane] = self.places[vertex] & !BELOW;
+                    for (axis, values) in [x, y, z].into_iter().enumerate() {
+                        corners[end][axis][lane] = f64::from(values[vertex]);
+                    }
+                }
+            }
+            for lane in 0..LANES {
+                let at = |end: usize| DVec3::new(corners[end][0][lane], corners[end][1][lane], corners[end][2][lane]);
+                let directions = [at(0) - outlook.position, at(1) - outlook.position];
+                let plane = outlook.apply(arc_plane(directions[0], at(0), at(1)));
+                (arcs.planes[0][lane], arcs.planes[1][lane], arcs.planes[2][lane]) = (plane.x, plane.y, plane.z);
+                for (end, &direction) in directions.iter().enumerate() {
+                    let w = outlook.apply(direction);
+                    (arcs.ends[end][0][lane], arcs.ends[end][1][lane], arcs.ends[end][2][lane]) = (w.x, w.y, w.z);
+                }
+            }
+            outlook.chart.cut(&arcs, &mut self.pieces);
+        }
+    }
+
+    /// Puts the crossings of all pieces to their isolines.
+    #[inline(always)]
+    fn bucket<C: Chart<Piece = P>>(&mut self, chart: &C) {
+        let Pieces { pieces, lines, starts, .. } = &mut self.pieces;
+        let range = lines.start..lines.end + 1;
+        let (mut running, mut total) = (0u32, 0u32);
+        for start in &mut starts[range.clone()] {
+            running = running.wrapping_add(*start);
+            *start = total;
+            total += running;
+        }
+        if self.next.len() < range.end {
+            self.next.resize(starts.len(), 0);
+        }
+        self.next[range.clone()].copy_from_slice(&starts[range]);
+        if self.keys.len() < total as usize {
+            self.keys.resize(total as usize, 0);
+        }
+        for piece in pieces {
+            for run in chart.runs(piece) {
+                let places = self.next[run.clone()].iter_mut();
+                let (positions, jump) = chart.cross(piece, run);
+                for (next, position) in places.zip(positions) {
+                    self.keys[*next as usize] = key(position, jump);
+                    *next += 1;
+                }
+            }
+        }
+    }
+
+    /// Isolines outside of this range are not crossed.
+    pub(super) fn lines(&self) -> Range<usize> {
+        self.pieces.lines.clone()
+    }
+
+    /// W at the start of an isoline less W where it is counted.
+    #[inline(always)]
+    pub(super) fn base(&self, line: usize) -> i32 {
+        self.bases.get(line).copied().unwrap_or_default()
+    }
+
+    /// Whether W is the same at the start of all isolines.
+    pub(super) fn start_alike(&self) -> bool {
+        self.bases.is_empty()
+    }
+
+    /// The crossings of one isoline, which are now sorted; take each apart with [`crossing`].
+    #[inline(always)]
+    pub(super) fn sorted(&mut self, line: usize) -> &[i64] {
+        let Pieces { lines, starts, .. } = &self.pieces;
+        if !lines.contains(&line) {
+            return &[];
+        }
+        let keys = &mut self.keys[starts[line] as usize..starts[line + 1] as usize];
+        if keys.len() > 1 {
+            keys.sort_unstable();
+        }
+        keys
+    }
+
+    /// What became of the contours.
+    pub(super) fn counts(&self) -> Counts {
+        self.counts
+    }
 }

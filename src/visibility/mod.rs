@@ -1,20 +1,26 @@
 //! From the contours seen by a receiver to the visible region.
 
+mod chart;
 mod contours;
 mod crossings;
 mod depth;
 pub mod exact;
-mod isolines;
+mod front;
+mod gaps;
 mod meridians;
+mod octahedron;
+mod searches;
 mod skips;
+mod spans;
 mod sweep;
 mod trace;
+mod vertices;
 mod view;
 
 pub use contours::{Arc, ReceiverContours};
-pub(crate) use isolines::cycle;
-pub use isolines::{Frame, Isolines};
-pub use meridians::{Counts, MeridianFrame, Meridians, Spans};
+pub use crossings::Counts;
+pub use meridians::{MeridianFrame, Meridians};
+pub use octahedron::{Frame, Isolines, open_spans};
 pub use skips::Skips;
-pub use sweep::{Interval, Sweep};
-pub use view::{Receiver, Sight, View, Viewer, open_intervals};
+pub use spans::Spans;
+pub use view::{Receiver, Sight, Sweep, View, Viewer};

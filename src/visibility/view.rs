@@ -1,12 +1,11 @@
 use dual_bvh::{Candidates, Contours, DualBvh, Tile};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
-use super::crossings::Crossings;
-use super::depth::{count_along, count_on_spine};
+use super::chart::{Chart, Outlook};
+use super::depth::count_along;
 use super::exact::{self, Region};
-use super::meridians::Outlook;
-use super::sweep::{Interval, Sweep, base_line, sweep};
-use super::trace::{Look, Tracer};
+use super::searches::{Searches, Wanted};
+use super::trace::{Found, Look, Tracer};
 use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Skips, Spans};
 use crate::scene::FaceTree;
 
@@ -37,8 +36,17 @@ pub enum Sight {
     Open,
     /// Nothing: no contour above the horizon, but something overhead.
     Enclosed,
-    /// Part of it: the intervals that were reported.
+    /// Part of it: the [`View::spans`].
     Part(Sweep),
+}
+
+/// What was noticed along the isolines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sweep {
+    /// Isolines that were followed.
+    pub lines: usize,
+    /// Isolines on which the depth complexity W fell below zero, or that end in one direction with different W: failed bookkeeping.
+    pub depth_alarms: usize,
 }
 
 /// Working memory for one thread: reused, so that nothing is allocated from one receiver to the next.
@@ -52,8 +60,11 @@ pub struct View {
     candidates: Candidates,
     contours: Contours,
     projected: ReceiverContours,
-    crossings: Crossings,
-    tracer: Tracer,
+    searches: Searches,
+    along_meridians: Tracer<<Meridians as Chart>::Piece>,
+    along_isolines: Tracer<<Isolines as Chart>::Piece>,
+    spans: Spans,
+    counts: Counts,
     exact: exact::Scratch,
 }
 
@@ -63,19 +74,20 @@ impl View {
         &self.projected
     }
 
-    /// The visible spans of the last receiver that was looked at along meridians.
+    /// The visible spans of the last receiver that was looked at along meridians or isolines.
     pub fn spans(&self) -> &Spans {
-        self.tracer.spans()
+        &self.spans
     }
 
     /// What became of that receiver's contours.
     pub fn counts(&self) -> Counts {
-        self.tracer.counts()
+        self.counts
     }
 
     #[cfg(test)]
-    pub(super) fn tracer(&mut self) -> &mut Tracer {
-        &mut self.tracer
+    pub(super) fn grant(&mut self, credit: i64) {
+        (self.along_meridians.credit, self.along_meridians.has_credit) = (credit, true);
+        (self.along_isolines.credit, self.along_isolines.has_credit) = (credit, true);
     }
 
     /// The visible region that was last solved.
@@ -90,7 +102,9 @@ impl Viewer<'_> {
     pub fn approach<'r>(&self, receivers: impl Iterator<Item = Receiver<'r>> + Clone, view: &mut View) {
         view.excluded.clear();
         view.excluded.extend(receivers.clone().flat_map(|r| r.excluded));
-        view.tracer.begin(self.edges, receivers.clone().count());
+        view.searches.begin(self.edges, receivers.clone().count());
+        view.along_meridians.begin();
+        view.along_isolines.begin();
         let tile = Tile::new(receivers.map(|r| (r.position, r.normal)));
         view.tile = Some(tile);
         view.is_searched = false;
@@ -106,8 +120,7 @@ impl Viewer<'_> {
         }
     }
 
-    /// Finds and projects all contours of a receiver among those approached, which may then [`follow`](Self::follow) or
-    /// [`solve`](Self::solve).
+    /// Finds and projects all contours of a receiver among those approached, to [`solve`](Self::solve) then.
     pub fn face(&self, Receiver { position, normal, excluded }: Receiver, view: &mut View) {
         self.search(view);
         view.candidates.contours(position, excluded, &mut view.contours);
@@ -123,41 +136,49 @@ impl Viewer<'_> {
         skips: Skips,
         view: &mut View,
     ) -> Sight {
-        let Receiver { position, normal, excluded } = receiver;
-        let outlook = Outlook { meridians, frame, position, normal };
-        if view.tile.is_none() {
-            self.approach(std::iter::once(receiver), view);
-        }
-        let tile = view.tile.unwrap_or(Tile::lone(position, normal)).with_faces(&view.excluded);
-        let look = Look {
-            edges: self.edges,
-            faces: self.faces,
-            outlook,
-            excluded,
-            tile,
-            is_searched: view.is_searched,
-            skips,
-        };
-        view.tracer.trace(look, &mut view.candidates, &mut view.contours)
+        self.look(meridians, frame.axes(), receiver, skips, view, |view| &mut view.along_meridians)
     }
 
-    /// What the receiver just faced sees along the isolines: their visible intervals.
+    /// What a receiver among those approached sees along the halves of octahedral isolines: the [`View::spans`], if it sees a part.
     pub fn follow(
         &self,
         isolines: &Isolines,
         frame: Frame,
         receiver: Receiver,
+        skips: Skips,
         view: &mut View,
-        visible: impl FnMut(Interval),
+    ) -> Sight {
+        self.look(isolines, frame.axes(), receiver, skips, view, |view| &mut view.along_isolines)
+    }
+
+    fn look<C: Chart>(
+        &self,
+        chart: &C,
+        axes: DMat3,
+        receiver: Receiver,
+        skips: Skips,
+        view: &mut View,
+        tracer: impl Fn(&mut View) -> &mut Tracer<C::Piece>,
     ) -> Sight {
         let Receiver { position, normal, excluded } = receiver;
-        let line = base_line(isolines, frame, normal);
-        let depth = count_on_spine(self.faces, isolines, frame, position, excluded, line);
-        if view.projected.arcs.is_empty() {
-            return if depth == 0 { Sight::Open } else { Sight::Enclosed };
+        if view.tile.is_none() {
+            self.approach(std::iter::once(receiver), view);
         }
-        view.crossings.collect(isolines, frame, &view.projected);
-        Sight::Part(sweep(isolines, frame, &view.crossings, normal, (line, depth), visible))
+        let mut taken = std::mem::take(tracer(view));
+        let wanted = Wanted {
+            edges: self.edges,
+            position,
+            horizon: if skips.below_horizon { normal } else { None },
+            excluded,
+            tile: view.tile.unwrap_or(Tile::lone(position, normal)).with_faces(&view.excluded),
+            is_searched: view.is_searched,
+        };
+        let look = Look { faces: self.faces, outlook: Outlook { chart, axes, position, normal }, wanted, skips };
+        let View { searches, candidates, contours, .. } = view;
+        let sight = taken.trace(look, &mut Found { searches, candidates, contours }, &mut view.spans);
+        view.counts = taken.counts();
+        *tracer(view) = taken;
+        sight
     }
 
     /// What the receiver just faced sees, exactly: its visible region, solved in the chart numbered `frame`.
@@ -166,13 +187,6 @@ impl Viewer<'_> {
         let depth = |w| count_along(self.faces, position, excluded, w);
         exact::solve(&view.projected, normal, frame, depth, &mut view.exact)
     }
-}
-
-/// The intervals of a receiver that sees everything above its horizon.
-pub fn open_intervals(isolines: &Isolines, frame: Frame, normal: Option<DVec3>, visible: impl FnMut(Interval)) {
-    let mut nothing = Crossings::default();
-    nothing.collect(isolines, frame, &ReceiverContours::default());
-    sweep(isolines, frame, &nothing, normal, (base_line(isolines, frame, normal), 0), visible);
 }
 
 #[cfg(test)]
@@ -184,9 +198,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::visibility::{cycle, meridians};
-
-    const CORNERS: [DVec3; 5] = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
+    use crate::visibility::crossings::Crossings;
+    use crate::visibility::open_spans;
 
     /// Number of triangles that a ray crosses, and how close (relative to the lengths involved) it passes to an edge.
     fn count(triangles: &[[DVec3; 3]], p: DVec3, w: DVec3) -> (usize, f64) {
@@ -219,47 +232,20 @@ mod tests {
         let (welded, faces): (Arc<[Vec3]>, Arc<[[u32; 3]]>) = (welded.into(), faces.into());
         let edges = DualBvh::build(welded.clone(), faces.clone(), &BuildOptions::default()).unwrap();
         let tree = FaceTree::new(welded, faces);
-        let isolines = Isolines::new(14).unwrap();
         let viewer = Viewer { edges: &edges, faces: &tree };
         let receiver = Receiver { position: p, normal, excluded: &[] };
         let mut view = View::default();
         viewer.approach(std::iter::once(receiver), &mut view);
         let triangles: Vec<_> = corners.iter().map(|t| t.map(|x| x.as_dvec3())).collect();
+        viewer.search(&mut view);
         spans_agree_with_rays(&triangles, &viewer, receiver, &mut view);
-        let mut intervals = Vec::new();
-        viewer.face(receiver, &mut view);
-        let frame = Frame::facing(normal, 0);
-        match viewer.follow(&isolines, frame, receiver, &mut view, |interval| intervals.push(interval)) {
-            Sight::Open => open_intervals(&isolines, frame, normal, |interval| intervals.push(interval)),
-            Sight::Enclosed => {}
-            Sight::Part(sweep) => assert_eq!(sweep.depth_alarms, 0),
-        }
-        let axis = frame.axis();
-        for line in 0..isolines.len() {
-            let u = isolines.u(line);
-            for quadrant in 0..4 {
-                for step in 0..23 {
-                    let f = (step as f64 + 0.387) / 23.0;
-                    let ends = [CORNERS[quadrant], CORNERS[quadrant + 1]];
-                    let chart = DVec3::X * u + (1.0 - u.abs()) * ends[0].lerp(ends[1], f);
-                    let w = cycle(chart, (3 - axis) % 3).normalize();
-                    let height = normal.map_or(1.0, |n| n.dot(w));
-                    let (depth, closest) = count(&triangles, p, w);
-                    if closest < 1e-9 || height.abs() < 1e-9 {
-                        continue;
-                    }
-                    let seen =
-                        intervals.iter().any(|i| (i.line, i.quadrant) == (line, quadrant) && i.from <= f && f <= i.to);
-                    assert_eq!(seen, depth == 0 && height > 0.0, "line {line} quadrant {quadrant} f {f} depth {depth}");
-                }
-            }
-        }
+        halves_agree_with_rays(&triangles, &viewer, receiver, &mut view);
     }
 
-    fn portable_crossings_are_the_same(meridians: &Meridians, frame: MeridianFrame, receiver: Receiver, view: &View) {
+    fn portable_crossings_are_the_same<C: Chart>(chart: &C, axes: DMat3, receiver: Receiver, view: &View) {
         let Receiver { position, normal, .. } = receiver;
-        let outlook = Outlook { meridians, frame, position, normal };
-        let (mut one, mut other) = (meridians::Crossings::default(), meridians::Crossings::default());
+        let outlook = Outlook { chart, axes, position, normal };
+        let (mut one, mut other) = (Crossings::default(), Crossings::default());
         let mut contours = Contours::default();
         for part in view.candidates.parts() {
             view.candidates.contours_in(part, position, receiver.excluded, &mut contours);
@@ -267,18 +253,40 @@ mod tests {
             one.cross(outlook, &view.candidates);
             other.choose_inline(outlook, &view.candidates, part, &contours, false);
             other.cross_inline(outlook, &view.candidates);
-            assert!((0..meridians.len()).all(|line| one.sorted(line) == other.sorted(line)));
+            assert!((0..chart.lines()).all(|line| one.base(line) == other.base(line)));
+            assert!((0..chart.lines()).all(|line| one.sorted(line) == other.sorted(line)));
             assert_eq!(one.counts(), other.counts());
         }
     }
 
-    /// Compares the spans with counted rays at points of every meridian.
+    /// Compares what is seen at a position of an isoline with counted rays.
+    fn agrees_with_a_ray(
+        triangles: &[[DVec3; 3]],
+        receiver: Receiver,
+        sight: Sight,
+        spans: &Spans,
+        (line, position): (usize, f64),
+        w: DVec3,
+    ) {
+        let (depth, closest) = count(triangles, receiver.position, w);
+        let height = receiver.normal.map_or(1.0, |n| n.dot(w));
+        if closest < 1e-9 || height.abs() < 1e-9 {
+            return;
+        }
+        let seen = match sight {
+            Sight::Open => height > 0.0,
+            Sight::Enclosed => false,
+            Sight::Part(_) => spans.of(line).filter(|&end| spans.ends()[end] <= position).count() % 2 == 1,
+        };
+        assert_eq!(seen, depth == 0 && height > 0.0, "isoline {line}, {position}, depth {depth}, {w}");
+    }
+
+    /// At points of every meridian.
     fn spans_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
         let meridians = Meridians::new(14).unwrap();
-        viewer.search(view);
         for second in [false, true] {
             let frame = MeridianFrame::facing(receiver.normal, second);
-            portable_crossings_are_the_same(&meridians, frame, receiver, view);
+            portable_crossings_are_the_same(&meridians, frame.axes(), receiver, view);
             let sight = viewer.trace(&meridians, frame, receiver, Skips::default(), view);
             if let Sight::Part(sweep) = sight {
                 assert_eq!(sweep.depth_alarms, 0);
@@ -288,21 +296,35 @@ mod tests {
                 for step in 0..47 {
                     let tangent = (std::f64::consts::PI * ((step as f64 + 0.387) / 47.0 - 0.5)).tan();
                     let w = frame.axes() * DVec3::new(cos, sin, tangent).normalize();
-                    let (depth, closest) = count(triangles, receiver.position, w);
-                    let height = receiver.normal.map_or(1.0, |n| n.dot(w));
-                    if closest < 1e-9 || height < 1e-9 {
-                        continue;
-                    }
-                    let seen = match sight {
-                        Sight::Open => true,
-                        Sight::Enclosed => false,
-                        Sight::Part(_) => {
-                            let before =
-                                view.spans().of(line).filter(|&end| view.spans().ends()[end] <= tangent).count();
-                            before % 2 == 1
-                        }
-                    };
-                    assert_eq!(seen, depth == 0, "meridian {line}, tangent {tangent}, depth {depth}, {frame:?}");
+                    agrees_with_a_ray(triangles, receiver, sight, view.spans(), (line, tangent), w);
+                }
+            }
+        }
+    }
+
+    /// At points of both halves of every octahedral isoline.
+    fn halves_agree_with_rays(triangles: &[[DVec3; 3]], viewer: &Viewer, receiver: Receiver, view: &mut View) {
+        let isolines = Isolines::new(14).unwrap();
+        let mut open = Spans::default();
+        for rank in 0..3 {
+            let frame = Frame::facing(receiver.normal, rank);
+            portable_crossings_are_the_same(&isolines, frame.axes(), receiver, view);
+            let sight = viewer.follow(&isolines, frame, receiver, Skips::default(), view);
+            if let Sight::Part(sweep) = sight {
+                assert_eq!(sweep.depth_alarms, 0);
+            }
+            open_spans(&isolines, frame, receiver.normal, &mut open);
+            for line in 0..2 * isolines.len() {
+                let u = isolines.u(line % isolines.len());
+                let side = if line < isolines.len() { 1.0 } else { -1.0 };
+                for step in 0..46 {
+                    let s = (step as f64 + 0.387) / 23.0;
+                    let (y, z) = if s < 1.0 { (s, 1.0 - s) } else { (2.0 - s, 1.0 - s) };
+                    let w = DVec3::X * u + (1.0 - u.abs()) * DVec3::new(0.0, side * y, z);
+                    let w = frame.axes() * w.normalize();
+                    agrees_with_a_ray(triangles, receiver, sight, view.spans(), (line, s), w);
+                    let everything = Sight::Part(Sweep::default());
+                    agrees_with_a_ray(&[], receiver, everything, &open, (line, s), w);
                 }
             }
         }

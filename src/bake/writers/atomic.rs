@@ -44,8 +44,25 @@ pub fn discard_unfinished() {
     }
 }
 
+/// A file without a name in `path`'s folder, which is gone when it is closed.
+pub(super) fn scratch(path: &Path) -> Result<File> {
+    tempfile::tempfile_in(folder(path)).map_err(|error| refused(path, &error))
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn refused(path: &Path, error: &std::io::Error) -> Error {
+    let (folder, kind) = (folder(path).display(), error.kind());
+    if kind == std::io::ErrorKind::NotFound {
+        Error::file(path, format!("the folder {folder} does not exist"))
+    } else {
+        Error::file(path, format!("cannot create a file in {folder}: {kind}"))
+    }
+}
+
 fn temporary(path: &Path) -> Result<NamedTempFile> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
     builder.prefix(".unfinished-");
     #[cfg(unix)]
@@ -54,14 +71,7 @@ fn temporary(path: &Path) -> Result<NamedTempFile> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(folder).map_err(|error| {
-        let kind = error.kind();
-        if kind == std::io::ErrorKind::NotFound {
-            Error::file(path, format!("the folder {} does not exist", folder.display()))
-        } else {
-            Error::file(path, format!("cannot create a file in {}: {kind}", folder.display()))
-        }
-    })
+    builder.tempfile_in(folder(path)).map_err(|error| refused(path, &error))
 }
 
 fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {

@@ -6,6 +6,7 @@ mod glb;
 pub mod npz;
 mod ply;
 mod png;
+mod spool;
 
 use std::fmt;
 use std::path::Path;
@@ -15,6 +16,7 @@ use crate::{Error, Result};
 use super::{Baked, BakedImage, BakedVertices};
 
 pub use atomic::{atomically, discard_unfinished};
+pub use spool::Spool;
 
 /// Kinds of files that results can be written to, each by its extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

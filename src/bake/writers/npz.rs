@@ -15,7 +15,7 @@ use crate::{Error, Result};
 use super::atomic::atomically;
 
 /// Name under which the provenance stands: a string array that holds JSON.
-const PROVENANCE: &str = "provenance";
+pub(super) const PROVENANCE: &str = "provenance";
 
 /// What a NumPy archive holds.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -65,7 +65,10 @@ pub fn read(path: &Path) -> Result<Archive> {
     Ok(archive)
 }
 
-fn entry(zip: &mut ZipArchive<impl Read + Seek>, i: usize) -> std::result::Result<(String, Vec<u8>), String> {
+pub(super) fn entry(
+    zip: &mut ZipArchive<impl Read + Seek>,
+    i: usize,
+) -> std::result::Result<(String, Vec<u8>), String> {
     let mut file = zip.by_index(i).map_err(|error| error.to_string())?;
     let name = file.name().map_err(|error| error.to_string())?.into_owned();
     let mut bytes = Vec::new();
@@ -104,12 +107,37 @@ fn write_with_triangles(path: &Path, arrays: &Arrays, triangles: &[[u32; 3]], pr
                 let bytes = triangles.as_flattened().iter().map(|i| i.to_le_bytes());
                 add(&mut zip, "triangles", "<u4", &[triangles.len(), 3], bytes)?;
             }
-            let json: Vec<char> = provenance.to_json().chars().collect();
-            let bytes = json.iter().map(|&c| u32::from(c).to_le_bytes());
-            add(&mut zip, PROVENANCE, &format!("<U{}", json.len()), &[], bytes)
+            add_provenance(&mut zip, provenance)
         };
         all().and_then(|()| zip.finish().map(drop)).map_err(|error| Error::file(path, error))
     })
+}
+
+pub(super) fn add_provenance(
+    zip: &mut ZipWriter<impl Write + Seek>,
+    provenance: &Provenance,
+) -> zip::result::ZipResult<()> {
+    let json: Vec<char> = provenance.to_json().chars().collect();
+    let bytes = json.iter().map(|&c| u32::from(c).to_le_bytes());
+    add(zip, PROVENANCE, &format!("<U{}", json.len()), &[], bytes)
+}
+
+/// Begins an array of so many bytes.
+pub(super) fn start(
+    zip: &mut ZipWriter<impl Write + Seek>,
+    name: &str,
+    descr: &str,
+    shape: &[usize],
+    bytes: usize,
+) -> zip::result::ZipResult<()> {
+    // A fixed date, so that equal results are equal files.
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(DateTime::default())
+        .large_file(bytes >= u32::MAX as usize);
+    zip.start_file(format!("{name}.npy"), options)?;
+    npy::write_header(zip, descr, shape)?;
+    Ok(())
 }
 
 fn add<const N: usize>(
@@ -119,13 +147,7 @@ fn add<const N: usize>(
     shape: &[usize],
     numbers: impl ExactSizeIterator<Item = [u8; N]>,
 ) -> zip::result::ZipResult<()> {
-    // A fixed date, so that equal results are equal files.
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .last_modified_time(DateTime::default())
-        .large_file(numbers.len() * N >= u32::MAX as usize);
-    zip.start_file(format!("{name}.npy"), options)?;
-    npy::write_header(zip, descr, shape)?;
+    start(zip, name, descr, shape, numbers.len() * N)?;
     let mut block = Vec::with_capacity(1 << 16);
     for number in numbers {
         block.extend_from_slice(&number);

@@ -1,24 +1,20 @@
 //! The isolines of an equal-area chart, for what needs no table of light.
 
-mod crossings;
-mod front;
-mod gaps;
-mod sweep;
-mod vertices;
+mod pieces;
 
 use std::f64::consts::TAU;
+use std::ops::{ControlFlow, Range};
 
-use glam::{DMat3, DVec3};
+use dual_bvh::face_sign;
+use glam::{DMat3, DVec3, Vec3};
 
+use super::chart::{Chart, Outlook, Sector};
+use super::contours::arc_plane;
+use super::crossings::{Arcs, Pieces};
+use crate::scene::FaceTree;
+use crate::sphere::rough_angle;
 use crate::{Error, Result};
-
-pub use crossings::Counts;
-pub(super) use crossings::{Crossings, Outlook, Way};
-pub(super) use front::{Front, distance_squared};
-pub(super) use gaps::Gaps;
-pub use sweep::Spans;
-pub(super) use sweep::{horizons, sweep};
-pub(super) use vertices::place;
+use pieces::{Circles, Piece, Way};
 
 /// Isolines of longitude: half great circles from one pole to the opposite one.
 ///
@@ -35,6 +31,9 @@ pub struct Meridians {
 impl Meridians {
     /// The largest number of isolines.
     pub const MAX: usize = 1 << 21;
+
+    /// Tangent of the latitude that stands for a pole; its negative for the other. Cosines of 1e-9 have squares that are lost beside 1.
+    pub const POLE: f64 = (1u64 << 30) as f64;
 
     /// `count` isolines around the sphere, even.
     ///
@@ -124,17 +123,131 @@ impl MeridianFrame {
     pub fn start(self) -> DVec3 {
         -self.axes.z_axis
     }
+}
 
-    /// World to chart.
+/// Angle of ties.
+const TIE: f64 = 1e-9;
+
+/// Positions are tangents of the latitude. All isolines start in one direction, where W is counted.
+impl Chart for Meridians {
+    type Piece = Piece;
+
+    const START: f64 = -Self::POLE;
+    const END: f64 = Self::POLE;
+
     #[inline(always)]
-    pub(super) fn apply(self, w: DVec3) -> DVec3 {
-        DVec3::new(self.axes.x_axis.dot(w), self.axes.y_axis.dot(w), self.axes.z_axis.dot(w))
+    fn lines(&self) -> usize {
+        self.len()
+    }
+
+    /// How many isolines have a smaller longitude, or none: all. A vertex beside an isoline may get to its other side, by less than
+    /// a crossing is wide: crossings are kept between the latitudes of their arc's ends.
+    #[inline(always)]
+    fn place(&self, w: DVec3) -> i32 {
+        let lines = self.len();
+        let longitude = rough_angle(w.x, w.y.abs());
+        let longitude = if w.y < 0.0 { TAU - longitude } else { longitude };
+        // The nearest whole number stands in the low bits of the sum with 2^52. NaN, in the direction of a pole, becomes zero.
+        let before = (longitude * (lines as f64 / TAU)).max(0.0) + (1u64 << 52) as f64;
+        let before = before.to_bits() as i32;
+        if before == lines as i32 { 0 } else { before }
+    }
+
+    #[inline(always)]
+    fn reach(&self, a: i32, b: i32) -> Range<usize> {
+        Way::reach(a as usize, b as usize, self.len())
+    }
+
+    #[inline(always)]
+    fn cut(&self, arcs: &Arcs, out: &mut Pieces<Piece>) {
+        let lines = self.len();
+        let circles = Circles::new(arcs, lines);
+        for lane in 0..arcs.count {
+            let way = circles.way(lane);
+            out.push(way.sense() * arcs.jumps[lane], way.runs(lines), |jump| circles.piece(lane, jump));
+        }
+    }
+
+    #[inline(always)]
+    fn runs(&self, piece: &Piece) -> [Range<usize>; 2] {
+        piece.way.runs(self.len())
+    }
+
+    #[inline(always)]
+    fn cross(&self, piece: &Piece, run: Range<usize>) -> (impl Iterator<Item = f64>, i32) {
+        let Piece { sine, cosine, least, most, .. } = *piece;
+        let lines = self.cos[run.clone()].iter().zip(&self.sin[run]);
+        (lines.map(move |(cos, sin)| (sine * sin + cosine * cos).max(least).min(most)), piece.jump)
+    }
+
+    fn bases(_: Outlook<Self>, _: &[i32], _: &mut Vec<i32>) {}
+
+    /// A face covers the start if the isolines leave it once more often than they enter it, on whichever of them.
+    fn count(outlook: Outlook<Self>, faces: &FaceTree, excluded: &[u32], mut covers: impl FnMut(u32, i32)) {
+        let Outlook { chart, axes, position, .. } = outlook;
+        let lines = chart.len();
+        faces.visit(position, -axes.z_axis, |face| {
+            if !excluded.contains(&face) {
+                let [a, b, c] = faces.corners(face);
+                let corners = [a, b, c].map(|x| x.as_dvec3());
+                let [u, v, w] = corners.map(|x| outlook.apply(x - position));
+                if are_beside_axis(u.x, v.x, w.x) || are_beside_axis(u.y, v.y, w.y) {
+                    // Seen from one side of the axis, whatever the rounding, no face lies around it.
+                    return ControlFlow::Continue(());
+                }
+                let vertices = faces.vertices(face);
+                let sign = i32::from(face_sign(position, a, b, c));
+                let places = [u, v, w].map(|w| chart.place(w));
+                let mut total = 0;
+                for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                    // Edges run from the smaller vertex id to the larger, as they do among the candidates.
+                    let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
+                    let plane = || outlook.apply(arc_plane(corners[a] - position, corners[a], corners[b]));
+                    let way = Way::new(places[a], places[b], lines as i32, plane);
+                    total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
+                }
+                if total < 0 {
+                    covers(face, -total);
+                }
+            }
+            ControlFlow::Continue(())
+        });
+    }
+
+    fn horizons(outlook: Outlook<Self>, out: &mut Vec<f64>) {
+        let Outlook { chart, normal, .. } = outlook;
+        let lines = chart.len();
+        out.resize(lines, 0.0);
+        let Some(n) = normal.map(|n| outlook.apply(n)) else { return out.fill(Self::END) };
+        let (cos, sin) = (&chart.cos[..lines], &chart.sin[..lines]);
+        for (line, out) in out.iter_mut().enumerate() {
+            *out = (n.x * cos[line] + n.y * sin[line]) / -n.z;
+        }
+    }
+
+    #[inline(always)]
+    fn are_apart(from: f64, to: f64) -> bool {
+        to - from > TIE * (1.0 + from.abs().min(to.abs()).powi(2))
+    }
+
+    /// All isolines end in one direction.
+    fn partner(&self, _: usize) -> Option<usize> {
+        Some(0)
+    }
+
+    #[inline(always)]
+    fn sectors(&self, line: usize, from: f64, to: f64, mut put: impl FnMut(Sector)) {
+        let out = Vec3::new(self.cos[line] as f32, self.sin[line] as f32, 0.0);
+        put(Sector { out, along: Vec3::Z, tangents: [from as f32, to as f32] });
     }
 }
 
-/// What is above the horizon by less than this angle counts as below it: faces in the receiver's own plane, which rounding puts on
-/// either side.
-const IN_HORIZON: f64 = 1e-12;
+/// Whether three coordinates have one sign, and none is much smaller than the others.
+fn are_beside_axis(a: f64, b: f64, c: f64) -> bool {
+    const MARGIN: f64 = 1e-6;
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    low > MARGIN * high || high < MARGIN * low
+}
 
 #[cfg(test)]
 mod tests {

@@ -1,32 +1,20 @@
-use std::f64::consts::TAU;
-
 use dual_bvh::{Candidates, Contours, Part};
 use glam::DVec3;
 
-use super::{IN_HORIZON, Outlook};
-use crate::sphere::rough_angle;
-
-/// How many of the `lines` have a smaller longitude than the direction `w` of the chart, of any length; or all: none.
-///
-/// This integer *is* a vertex's position between the isolines for everything that follows: all arcs that share the vertex
-/// use the same one, so that the jumps along every isoline add up whatever the rounding. A vertex beside an isoline may so get
-/// to its other side, by less than a crossing is wide: crossings are kept between the latitudes of their arc's ends.
-#[inline(always)]
-pub(in crate::visibility) fn place(w: DVec3, lines: usize) -> i32 {
-    let longitude = rough_angle(w.x, w.y.abs());
-    let longitude = if w.y < 0.0 { TAU - longitude } else { longitude };
-    // The nearest whole number stands in the low bits of the sum with 2^52. NaN, in the direction of a pole, becomes zero.
-    let before = (longitude * (lines as f64 / TAU)).max(0.0) + (1u64 << 52) as f64;
-    let before = before.to_bits() as i32;
-    if before == lines as i32 { 0 } else { before }
-}
+use super::chart::{Chart, Outlook};
 
 /// Marks the places of vertices below the horizon, or in it to rounding.
 pub(super) const BELOW: i32 = 1 << 30;
 
 /// Fills in the places of a group's vertices for one receiver, at least those of its contours.
 #[inline(always)]
-pub(super) fn fill(places: &mut Vec<i32>, candidates: &Candidates, part: &Part, contours: &Contours, outlook: Outlook) {
+pub(super) fn fill<C: Chart>(
+    places: &mut Vec<i32>,
+    candidates: &Candidates,
+    part: &Part,
+    contours: &Contours,
+    outlook: Outlook<C>,
+) {
     let vertices = part.vertices.clone();
     if places.len() < vertices.end {
         places.resize(vertices.end, 0);
@@ -61,9 +49,13 @@ const FEW: usize = 3;
 /// Ends of contours placed at once.
 const LANES: usize = 8;
 
+/// What is above the horizon by less than this angle counts as below it: faces in the receiver's own plane, which rounding puts on
+/// either side.
+const IN_HORIZON: f64 = 1e-12;
+
 #[inline(always)]
-fn fill_all(places: &mut [i32], [x, y, z]: [&[f32]; 3], Outlook { meridians, frame, position, normal }: Outlook) {
-    let lines = meridians.len();
+fn fill_all<C: Chart>(places: &mut [i32], [x, y, z]: [&[f32]; 3], outlook: Outlook<C>) {
+    let Outlook { chart, position, normal, .. } = outlook;
     let count = places.len();
     let (x, y, z) = (&x[..count], &y[..count], &z[..count]);
     // A full sphere has no horizon.
@@ -71,6 +63,6 @@ fn fill_all(places: &mut [i32], [x, y, z]: [&[f32]; 3], Outlook { meridians, fra
     for i in 0..count {
         let direction = DVec3::new(f64::from(x[i]), f64::from(y[i]), f64::from(z[i])) - position;
         let is_below = normal.dot(direction) <= level * (direction.x.abs() + direction.y.abs() + direction.z.abs());
-        places[i] = place(frame.apply(direction), lines) | if is_below { BELOW } else { 0 };
+        places[i] = chart.place(outlook.apply(direction)) | if is_below { BELOW } else { 0 };
     }
 }
