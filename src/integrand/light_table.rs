@@ -1,5 +1,3 @@
-use std::ops::Range;
-
 use dual_bvh::prefetch;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -99,7 +97,7 @@ impl LightTable {
 
     /// Adds up the light of visible spans of isolines in this frame.
     pub fn integrate(&self, frame: Frame, spans: &Spans, moments: &mut LightMoments) {
-        let rows = &mut moments.rows;
+        let (axis, rows) = (frame.axis(), &mut moments.rows);
         rows.clear();
         rows.reserve(2 * spans.ends().len());
         for half in 0..2 {
@@ -111,7 +109,7 @@ impl LightTable {
                     [false; 2]
                 } else {
                     cut(half, self.ends(spans, half, line), |leg, end, sign| {
-                        self.look_up(line, quadrants[leg], end, sign, rows);
+                        self.look_up(axis, line, quadrants[leg], end, sign, rows);
                     })
                 };
                 for ((run, whole), quadrant) in runs.iter_mut().zip(whole).zip(quadrants) {
@@ -128,7 +126,7 @@ impl LightTable {
                 }
             }
         }
-        moments.sum = self.add(frame, rows, 0..rows.len());
+        moments.sum = self.add(axis, rows);
     }
 
     /// The error to expect of each number of [`LightMoments::vectors`] for the same spans: every other slab under the mean of what its
@@ -138,7 +136,8 @@ impl LightTable {
         let LightMoments { rows, bounds, .. } = moments;
         rows.clear();
         bounds.clear();
-        let samples = &*self.samples[frame.axis()];
+        let axis = frame.axis();
+        let samples = &*self.samples[axis];
         for &Sample { line, .. } in samples {
             let inner = line > 0 && line + 1 < self.lines;
             let share = if inner { -0.5 } else { -1.0 };
@@ -147,7 +146,7 @@ impl LightTable {
                 for half in 0..2 {
                     let quadrants = quadrants(frame, half);
                     let whole = cut(half, self.ends(spans, half, from), |leg, end, sign| {
-                        self.look_up(line, quadrants[leg], end, sign * factor, rows);
+                        self.look_up(axis, line, quadrants[leg], end, sign * factor, rows);
                     });
                     for (quadrant, _) in quadrants.into_iter().zip(whole).filter(|(_, whole)| *whole) {
                         let (row, _) = self.cell(line, quadrant, 1.0);
@@ -160,7 +159,7 @@ impl LightTable {
         let (mut sums, mut squares) = ([0.0; 9], [0.0; 9]);
         let mut first = 0;
         for (&Sample { line, weight }, &last) in samples.iter().zip(&*bounds) {
-            let difference = self.add(frame, rows, std::mem::replace(&mut first, last)..last);
+            let difference = self.add(axis, &rows[std::mem::replace(&mut first, last)..last]);
             let sign = if line % 2 == 0 { weight } else { -weight };
             for ((sum, square), difference) in sums.iter_mut().zip(&mut squares).zip(difference) {
                 *sum += sign * difference;
@@ -170,7 +169,7 @@ impl LightTable {
                 let quadrants = quadrants(frame, half);
                 cut(half, self.ends(spans, half, line), |leg, end, _| {
                     let (row, _) = self.cell(line, quadrants[leg], end);
-                    let [low, high] = [row, row + self.lines].map(|row| &self.axes[frame.axis()][row]);
+                    let [low, high] = [row, row + self.lines].map(|row| &self.axes[axis][row]);
                     for (square, (low, high)) in squares.iter_mut().zip(low.iter().zip(high)) {
                         *square += weight * UNEVEN * UNEVEN * (high - low).powi(2);
                     }
@@ -193,14 +192,16 @@ impl LightTable {
         &spans.ends()[spans.of(half * self.lines + line)]
     }
 
-    /// The weighted rows that give the light of a quadrant up to a fraction, in the slab of an isoline, times `factor`.
+    /// Adds the weighted rows that give the light of a quadrant up to a fraction, in the slab of an isoline, times `factor`, and asks for
+    /// their memory: it is far away, and comes while others are looked up.
     #[inline(always)]
-    fn look_up(&self, line: usize, quadrant: usize, fraction: f64, factor: f64, rows: &mut Vec<Row>) {
+    fn look_up(&self, axis: usize, line: usize, quadrant: usize, fraction: f64, factor: f64, rows: &mut Vec<Row>) {
         let (row, part) = self.cell(line, quadrant, fraction);
-        rows.extend([
-            Row { row: row as u32, weight: factor * (1.0 - part) },
-            Row { row: (row + self.lines) as u32, weight: factor * part },
-        ]);
+        let weighted = [(row, 1.0 - part), (row + self.lines, part)];
+        rows.extend(weighted.map(|(row, weight)| {
+            prefetch(&self.axes[axis][row]);
+            Row { row: row as u32, weight: factor * weight }
+        }));
     }
 
     /// The row of the sums before the cell in which a fraction of a quadrant lies, and how far along the cell. The next cell's
@@ -212,15 +213,15 @@ impl LightTable {
         ((quadrant * (self.cells + 1) + cell) * self.lines + line, at - cell as f64)
     }
 
-    /// The weighted sum of a range of rows.
-    fn add(&self, frame: Frame, rows: &[Row], range: Range<usize>) -> [f64; 9] {
-        let table = &*self.axes[frame.axis()];
+    /// The weighted sum of rows.
+    fn add(&self, axis: usize, rows: &[Row]) -> [f64; 9] {
+        let table = &*self.axes[axis];
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { add_avx2(table, rows, range) };
+            return unsafe { add_avx2(table, rows) };
         }
-        add_inline(table, rows, range)
+        add_inline(table, rows)
     }
 }
 
@@ -231,23 +232,16 @@ struct Row {
     weight: f64,
 }
 
-/// How many rows ahead memory is asked for.
-const AHEAD: usize = 32;
-
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn add_avx2(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
-    add_inline(table, rows, range)
+fn add_avx2(table: &[[f64; 9]], rows: &[Row]) -> [f64; 9] {
+    add_inline(table, rows)
 }
 
 #[inline(always)]
-fn add_inline(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
+fn add_inline(table: &[[f64; 9]], rows: &[Row]) -> [f64; 9] {
     let mut sum = [0.0; 9];
-    for at in range {
-        if let Some(later) = rows.get(at + AHEAD) {
-            prefetch(&table[later.row as usize]);
-        }
-        let Row { row, weight } = rows[at];
+    for &Row { row, weight } in rows {
         let row = &table[row as usize];
         for i in 0..9 {
             sum[i] += weight * row[i];
@@ -472,7 +466,7 @@ mod tests {
                     assert!((found - expected).abs() < 1e-12 * scale, "{found} instead of {expected}");
                 }
                 let rows = &moments.rows;
-                assert_eq!(moments.sum, add_inline(&table.axes[frame.axis()], rows, 0..rows.len()));
+                assert_eq!(moments.sum, add_inline(&table.axes[frame.axis()], rows));
             }
         }
     }
