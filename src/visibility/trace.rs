@@ -151,7 +151,7 @@ impl<P: Copy> Tracer<P> {
         self.stack.clear();
         self.stack.push((boxes.len() - 1, 0));
         self.push_sorted(0, depths.iter().map(|&(group, _)| group), &boxes[0], position.as_vec3());
-        let mut is_taken = false;
+        let (mut is_taken, mut has_entered) = (false, false);
         while let Some((level, index)) = self.stack.pop() {
             if level == 0 && self.entered[index as usize] == self.receiver {
                 continue;
@@ -162,7 +162,7 @@ impl<P: Copy> Tracer<P> {
                 break;
             }
             // What covers the isolines' start meets them while nothing else has been put before them.
-            let is_first = self.counts == Counts::default() && level == 0;
+            let is_first = !has_entered && level == 0;
             if !is_taken && !is_first {
                 self.front.take(look.outlook, &self.gaps);
                 self.credit -= self.front.len() as i64 / 2;
@@ -173,7 +173,7 @@ impl<P: Copy> Tracer<P> {
                 self.hide(level, index, edges);
             } else if level == 0 {
                 self.enter(index..index + 1, depths, look, found);
-                is_taken = false;
+                (is_taken, has_entered) = (false, true);
             } else {
                 let boxes = &boxes[level - 1];
                 let children = 8 * index..(8 * index + 8).min(boxes.len() as u32);
