@@ -1,9 +1,8 @@
-use std::ops::Range;
-
 use dual_bvh::prefetch;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
+use super::light_patches::Patches;
 use crate::scene::Environment;
 use crate::visibility::{Frame, Isolines, Spans};
 
@@ -99,7 +98,7 @@ impl LightTable {
 
     /// Adds up the light of visible spans of isolines in this frame.
     pub fn integrate(&self, frame: Frame, spans: &Spans, moments: &mut LightMoments) {
-        let rows = &mut moments.rows;
+        let (axis, rows) = (frame.axis(), &mut moments.rows);
         rows.clear();
         rows.reserve(2 * spans.ends().len());
         for half in 0..2 {
@@ -111,7 +110,7 @@ impl LightTable {
                     [false; 2]
                 } else {
                     cut(half, self.ends(spans, half, line), |leg, end, sign| {
-                        self.look_up(line, quadrants[leg], end, sign, rows);
+                        self.look_up(axis, line, quadrants[leg], end, sign, rows);
                     })
                 };
                 for ((run, whole), quadrant) in runs.iter_mut().zip(whole).zip(quadrants) {
@@ -128,7 +127,7 @@ impl LightTable {
                 }
             }
         }
-        moments.sum = self.add(frame, rows, 0..rows.len());
+        moments.sum = self.add(axis, rows);
     }
 
     /// The error to expect of each number of [`LightMoments::vectors`] for the same spans: every other slab under the mean of what its
@@ -138,7 +137,8 @@ impl LightTable {
         let LightMoments { rows, bounds, .. } = moments;
         rows.clear();
         bounds.clear();
-        let samples = &*self.samples[frame.axis()];
+        let axis = frame.axis();
+        let samples = &*self.samples[axis];
         for &Sample { line, .. } in samples {
             let inner = line > 0 && line + 1 < self.lines;
             let share = if inner { -0.5 } else { -1.0 };
@@ -147,7 +147,7 @@ impl LightTable {
                 for half in 0..2 {
                     let quadrants = quadrants(frame, half);
                     let whole = cut(half, self.ends(spans, half, from), |leg, end, sign| {
-                        self.look_up(line, quadrants[leg], end, sign * factor, rows);
+                        self.look_up(axis, line, quadrants[leg], end, sign * factor, rows);
                     });
                     for (quadrant, _) in quadrants.into_iter().zip(whole).filter(|(_, whole)| *whole) {
                         let (row, _) = self.cell(line, quadrant, 1.0);
@@ -160,7 +160,7 @@ impl LightTable {
         let (mut sums, mut squares) = ([0.0; 9], [0.0; 9]);
         let mut first = 0;
         for (&Sample { line, weight }, &last) in samples.iter().zip(&*bounds) {
-            let difference = self.add(frame, rows, std::mem::replace(&mut first, last)..last);
+            let difference = self.add(axis, &rows[std::mem::replace(&mut first, last)..last]);
             let sign = if line % 2 == 0 { weight } else { -weight };
             for ((sum, square), difference) in sums.iter_mut().zip(&mut squares).zip(difference) {
                 *sum += sign * difference;
@@ -170,7 +170,7 @@ impl LightTable {
                 let quadrants = quadrants(frame, half);
                 cut(half, self.ends(spans, half, line), |leg, end, _| {
                     let (row, _) = self.cell(line, quadrants[leg], end);
-                    let [low, high] = [row, row + self.lines].map(|row| &self.axes[frame.axis()][row]);
+                    let [low, high] = [row, row + self.lines].map(|row| &self.axes[axis][row]);
                     for (square, (low, high)) in squares.iter_mut().zip(low.iter().zip(high)) {
                         *square += weight * UNEVEN * UNEVEN * (high - low).powi(2);
                     }
@@ -193,14 +193,16 @@ impl LightTable {
         &spans.ends()[spans.of(half * self.lines + line)]
     }
 
-    /// The weighted rows that give the light of a quadrant up to a fraction, in the slab of an isoline, times `factor`.
+    /// Adds the weighted rows that give the light of a quadrant up to a fraction, in the slab of an isoline, times `factor`, and asks for
+    /// their memory: it is far away, and comes while others are looked up.
     #[inline(always)]
-    fn look_up(&self, line: usize, quadrant: usize, fraction: f64, factor: f64, rows: &mut Vec<Row>) {
+    fn look_up(&self, axis: usize, line: usize, quadrant: usize, fraction: f64, factor: f64, rows: &mut Vec<Row>) {
         let (row, part) = self.cell(line, quadrant, fraction);
-        rows.extend([
-            Row { row: row as u32, weight: factor * (1.0 - part) },
-            Row { row: (row + self.lines) as u32, weight: factor * part },
-        ]);
+        let weighted = [(row, 1.0 - part), (row + self.lines, part)];
+        rows.extend(weighted.map(|(row, weight)| {
+            prefetch(&self.axes[axis][row]);
+            Row { row: row as u32, weight: factor * weight }
+        }));
     }
 
     /// The row of the sums before the cell in which a fraction of a quadrant lies, and how far along the cell. The next cell's
@@ -212,15 +214,15 @@ impl LightTable {
         ((quadrant * (self.cells + 1) + cell) * self.lines + line, at - cell as f64)
     }
 
-    /// The weighted sum of a range of rows.
-    fn add(&self, frame: Frame, rows: &[Row], range: Range<usize>) -> [f64; 9] {
-        let table = &*self.axes[frame.axis()];
+    /// The weighted sum of rows.
+    fn add(&self, axis: usize, rows: &[Row]) -> [f64; 9] {
+        let table = &*self.axes[axis];
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { add_avx2(table, rows, range) };
+            return unsafe { add_avx2(table, rows) };
         }
-        add_inline(table, rows, range)
+        add_inline(table, rows)
     }
 }
 
@@ -231,23 +233,16 @@ struct Row {
     weight: f64,
 }
 
-/// How many rows ahead memory is asked for.
-const AHEAD: usize = 32;
-
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn add_avx2(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
-    add_inline(table, rows, range)
+fn add_avx2(table: &[[f64; 9]], rows: &[Row]) -> [f64; 9] {
+    add_inline(table, rows)
 }
 
 #[inline(always)]
-fn add_inline(table: &[[f64; 9]], rows: &[Row], range: Range<usize>) -> [f64; 9] {
+fn add_inline(table: &[[f64; 9]], rows: &[Row]) -> [f64; 9] {
     let mut sum = [0.0; 9];
-    for at in range {
-        if let Some(later) = rows.get(at + AHEAD) {
-            prefetch(&table[later.row as usize]);
-        }
-        let Row { row, weight } = rows[at];
+    for &Row { row, weight } in rows {
         let row = &table[row as usize];
         for i in 0..9 {
             sum[i] += weight * row[i];
@@ -311,71 +306,6 @@ fn samples(light: Vec<f64>) -> Vec<Sample> {
 /// Rows of patches that are placed before their light is added.
 const BLOCK: usize = 64;
 
-/// A row of patches, and where in the tables of all axes their light belongs.
-#[derive(Clone, Debug, Default)]
-struct Patches {
-    moments: [Vec<f64>; 3],
-    radiance: Vec<Vec3>,
-    places: [Vec<u32>; 3],
-}
-
-impl Patches {
-    fn take(&mut self, patches: impl Iterator<Item = (DVec3, Vec3)>) {
-        self.moments.iter_mut().for_each(Vec::clear);
-        self.radiance.clear();
-        for (moment, radiance) in patches {
-            self.moments.iter_mut().zip(moment.to_array()).for_each(|(lanes, value)| lanes.push(value));
-            self.radiance.push(radiance);
-        }
-    }
-
-    fn place(&mut self, lines: usize, cells: usize) {
-        let count = self.radiance.len();
-        for (axis, places) in self.places.iter_mut().enumerate() {
-            places.resize(count, 0);
-            // The chart's axes in the order of `cycle`.
-            let moments = [0, 1, 2].map(|k| &self.moments[(axis + k) % 3][..count]);
-            place(moments, lines, cells, places);
-        }
-    }
-}
-
-/// Where the light from directions belongs, given in the chart's axes by component, of any length: behind the cell of the quadrant in the
-/// slab of the isoline.
-fn place(moments: [&[f64]; 3], lines: usize, cells: usize, places: &mut [u32]) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the feature.
-        return unsafe { place_avx2(moments, lines, cells, places) };
-    }
-    place_inline(moments, lines, cells, places);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn place_avx2(moments: [&[f64]; 3], lines: usize, cells: usize, places: &mut [u32]) {
-    place_inline(moments, lines, cells, places);
-}
-
-#[inline(always)]
-fn place_inline([x, y, z]: [&[f64]; 3], lines: usize, cells: usize, places: &mut [u32]) {
-    // Whole numbers stand in the low bits of the sum with 2^52. NaN becomes zero.
-    let whole = |value: f64, count: usize| {
-        let value = value.max(0.0).min((count - 1) as f64).floor();
-        (value + (1u64 << 52) as f64).to_bits() as u32
-    };
-    for (((&x, &y), &z), place) in x.iter().zip(y).zip(z).zip(places) {
-        let m = y.abs() + z.abs();
-        let line = whole((x / (x.abs() + m) + 1.0) * 0.5 * lines as f64, lines);
-        let (left, lower) = (u32::from(y < 0.0), u32::from(z < 0.0));
-        let fraction = y.abs() / m;
-        // Zeros count as positive. In every other quadrant |y| falls.
-        let fraction = if left ^ lower == 0 { fraction } else { 1.0 - fraction };
-        let (quadrant, cell) = (2 * left + (left ^ lower), whole(fraction * cells as f64, cells));
-        *place = (quadrant * (cells as u32 + 1) + cell + 1) * lines as u32 + line;
-    }
-}
-
 /// What one receiver's visible spans add up to. Keep it and use it again: its memory is reused.
 #[derive(Clone, Debug, Default)]
 pub struct LightMoments {
@@ -396,35 +326,6 @@ impl LightMoments {
 mod tests {
     use super::*;
     use crate::scene::Sky;
-
-    #[test]
-    fn patches_of_light_are_put_where_they_belong() {
-        let (lines, cells) = (14, 9);
-        let isolines = Isolines::new(lines).unwrap();
-        let number = |i: usize| (i * 7919 % 1009) as f64 - 504.0;
-        let mut moments = [0, 1, 2].map(|k| (0..500).map(|i| number(3 * i + k)).collect::<Vec<f64>>());
-        for (i, w) in [[0.0, 0.0, 1.0], [-0.0, 1.0, -0.0], [1.0, 0.0, 0.0], [-1.0, -0.0, 0.0]].into_iter().enumerate() {
-            (0..3).for_each(|k| moments[k][i] = w[k]);
-        }
-        let moments = moments.each_ref().map(Vec::as_slice);
-        let (mut dispatched, mut portable) = (vec![0; 500], vec![0; 500]);
-        place(moments, lines, cells, &mut dispatched);
-        place_inline(moments, lines, cells, &mut portable);
-        assert_eq!(dispatched, portable);
-        for (i, &place) in dispatched.iter().enumerate() {
-            let (line, cell) = (place as usize % lines, place as usize / lines - 1);
-            let w = DVec3::new(moments[0][i], moments[1][i], moments[2][i]);
-            let w = w / w.abs().element_sum();
-            assert!((w.x - isolines.u(line)).abs() < 1.0 / lines as f64 + 1e-12, "{w} in slab {line}");
-            if w.x.abs() < 1.0 {
-                let (quadrant, f) = (cell / (cells + 1), (cell % (cells + 1)) as f64 / cells as f64);
-                let corners = [DVec3::Z, DVec3::Y, DVec3::NEG_Z, DVec3::NEG_Y, DVec3::Z];
-                let [from, to] = [f, f + 1.0 / cells as f64].map(|f| corners[quadrant].lerp(corners[quadrant + 1], f));
-                let w = DVec3::new(0.0, w.y, w.z) / (1.0 - w.x.abs());
-                assert!((w - from).dot(to - from) > -1e-12 && (w - to).dot(to - from) < 1e-12, "{w} in {from} to {to}");
-            }
-        }
-    }
 
     /// Spans from the whole to a point, with and without gaps, that begin and end at the spine, the fold, the far corner and anywhere,
     /// against the sums of their cells.
@@ -472,7 +373,7 @@ mod tests {
                     assert!((found - expected).abs() < 1e-12 * scale, "{found} instead of {expected}");
                 }
                 let rows = &moments.rows;
-                assert_eq!(moments.sum, add_inline(&table.axes[frame.axis()], rows, 0..rows.len()));
+                assert_eq!(moments.sum, add_inline(&table.axes[frame.axis()], rows));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! What is integrated over the visible region.
 
 mod harmonic_light;
+mod light_patches;
 mod light_region;
 mod light_table;
 mod line_harmonics;

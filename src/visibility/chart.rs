@@ -100,3 +100,15 @@ impl<C> Outlook<'_, C> {
         DVec3::new(self.axes.x_axis.dot(w), self.axes.y_axis.dot(w), self.axes.z_axis.dot(w))
     }
 }
+
+/// Whether a triangle, given by its corners relative to the receiver, lies on one side of one of two planes through the receiver with these
+/// normals, whatever the rounding: then it does not cover the direction that the planes have in common.
+#[inline(always)]
+pub(super) fn is_beside([a, b, c]: [DVec3; 3], normals: [DVec3; 2]) -> bool {
+    const MARGIN: f64 = 1e-6;
+    let margin = MARGIN * a.abs().max(b.abs()).max(c.abs()).element_sum();
+    normals.into_iter().any(|normal| {
+        let (a, b, c) = (normal.dot(a), normal.dot(b), normal.dot(c));
+        (a.min(b).min(c) > margin) | (a.max(b).max(c) < -margin)
+    })
+}

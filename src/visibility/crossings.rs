@@ -261,6 +261,7 @@ impl<P: Copy> Crossings<P> {
 
     /// The pieces of all chords, four at a time.
     #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "lane by lane, over several arrays")]
     fn cut<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
         let [x, y, z] = candidates.coordinates();
         for chunk in 0..self.chords.len().div_ceil(LANES) {

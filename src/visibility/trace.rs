@@ -25,8 +25,8 @@ pub(super) struct Tracer<P> {
     finals: Vec<i32>,
     front: Front,
     counts: Counts,
-    /// For each group the last receiver whose isolines it was put before.
-    entered: Vec<u32>,
+    /// For each group the last receiver that it was put before, or hidden from.
+    done: Vec<u32>,
     receiver: u32,
     /// Boxes to look at, by level and number, the next one last.
     stack: Vec<(usize, u32)>,
@@ -141,9 +141,9 @@ impl<P: Copy> Tracer<P> {
         self.counts = Counts::default();
         C::horizons(look.outlook, &mut self.horizons);
         self.gaps.reset::<C>(&self.horizons);
-        self.entered.resize(edges.groups(), 0);
+        self.done.resize(edges.groups(), 0);
         self.receiver = self.receiver.checked_add(1).unwrap_or_else(|| {
-            self.entered.fill(0);
+            self.done.fill(0);
             1
         });
         let boxes = edges.group_boxes();
@@ -151,18 +151,17 @@ impl<P: Copy> Tracer<P> {
         self.stack.clear();
         self.stack.push((boxes.len() - 1, 0));
         self.push_sorted(0, depths.iter().map(|&(group, _)| group), &boxes[0], position.as_vec3());
-        let mut is_taken = false;
+        let (mut is_taken, mut has_entered) = (false, false);
         while let Some((level, index)) = self.stack.pop() {
-            if level == 0 && self.entered[index as usize] == self.receiver {
+            if level == 0 && self.done[index as usize] == self.receiver {
                 continue;
             }
             if self.credit < 0 {
                 self.enter(0..edges.groups() as u32, depths, look, found);
-                self.counts.hidden = 0;
                 break;
             }
             // What covers the isolines' start meets them while nothing else has been put before them.
-            let is_first = self.counts == Counts::default() && level == 0;
+            let is_first = !has_entered && level == 0;
             if !is_taken && !is_first {
                 self.front.take(look.outlook, &self.gaps);
                 self.credit -= self.front.len() as i64 / 2;
@@ -173,7 +172,7 @@ impl<P: Copy> Tracer<P> {
                 self.hide(level, index, edges);
             } else if level == 0 {
                 self.enter(index..index + 1, depths, look, found);
-                is_taken = false;
+                (is_taken, has_entered) = (false, true);
             } else {
                 let boxes = &boxes[level - 1];
                 let children = 8 * index..(8 * index + 8).min(boxes.len() as u32);
@@ -195,7 +194,7 @@ impl<P: Copy> Tracer<P> {
         self.crossings.clear();
         let mut depth = 0;
         for group in groups {
-            if std::mem::replace(&mut self.entered[group as usize], self.receiver) != self.receiver {
+            if std::mem::replace(&mut self.done[group as usize], self.receiver) != self.receiver {
                 self.choose(group, look, found);
                 depth += depths.iter().find(|(of, _)| *of == group).map_or(0, |&(_, depth)| depth);
             }
@@ -217,7 +216,10 @@ impl<P: Copy> Tracer<P> {
     fn hide(&mut self, level: usize, index: u32, edges: &DualBvh) {
         let below = 8u32.pow(level as u32);
         let groups = index * below..((index + 1) * below).min(edges.groups() as u32);
-        for group in groups.filter(|&group| self.entered[group as usize] != self.receiver) {
+        for group in groups {
+            if std::mem::replace(&mut self.done[group as usize], self.receiver) == self.receiver {
+                continue;
+            }
             self.counts.hidden += 1;
             let contours = (edges.group_edges(group).len() as f64).sqrt();
             self.credit += (SAVED * contours) as i64;

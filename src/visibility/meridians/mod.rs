@@ -8,7 +8,7 @@ use std::ops::{ControlFlow, Range};
 use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
-use super::chart::{Chart, Outlook, Sector};
+use super::chart::{Chart, Outlook, Sector, is_beside};
 use super::contours::arc_plane;
 use super::crossings::{Arcs, Pieces};
 use crate::scene::FaceTree;
@@ -187,22 +187,18 @@ impl Chart for Meridians {
         let Outlook { chart, axes, position, .. } = outlook;
         let lines = chart.len();
         faces.visit(position, -axes.z_axis, |face| {
-            if !excluded.contains(&face) {
-                let [a, b, c] = faces.corners(face);
-                let corners = [a, b, c].map(|x| x.as_dvec3());
-                let [u, v, w] = corners.map(|x| outlook.apply(x - position));
-                if are_beside_axis(u.x, v.x, w.x) || are_beside_axis(u.y, v.y, w.y) {
-                    // Seen from one side of the axis, whatever the rounding, no face lies around it.
-                    return ControlFlow::Continue(());
-                }
+            let [a, b, c] = faces.corners(face);
+            let corners = [a, b, c].map(|x| x.as_dvec3());
+            let directions = corners.map(|x| x - position);
+            if !is_beside(directions, [axes.x_axis, axes.y_axis]) && !excluded.contains(&face) {
                 let vertices = faces.vertices(face);
                 let sign = i32::from(face_sign(position, a, b, c));
-                let places = [u, v, w].map(|w| chart.place(w));
+                let places = directions.map(|w| chart.place(outlook.apply(w)));
                 let mut total = 0;
                 for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                     // Edges run from the smaller vertex id to the larger, as they do among the candidates.
                     let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
-                    let plane = || outlook.apply(arc_plane(corners[a] - position, corners[a], corners[b]));
+                    let plane = || outlook.apply(arc_plane(directions[a], corners[a], corners[b]));
                     let way = Way::new(places[a], places[b], lines as i32, plane);
                     total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
                 }
@@ -240,13 +236,6 @@ impl Chart for Meridians {
         let out = Vec3::new(self.cos[line] as f32, self.sin[line] as f32, 0.0);
         put(Sector { out, along: Vec3::Z, tangents: [from as f32, to as f32] });
     }
-}
-
-/// Whether three coordinates have one sign, and none is much smaller than the others.
-fn are_beside_axis(a: f64, b: f64, c: f64) -> bool {
-    const MARGIN: f64 = 1e-6;
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    low > MARGIN * high || high < MARGIN * low
 }
 
 #[cfg(test)]

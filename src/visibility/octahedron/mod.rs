@@ -9,7 +9,7 @@ use std::ops::{ControlFlow, Range};
 use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
-use super::chart::{Chart, Outlook, Sector};
+use super::chart::{Chart, Outlook, Sector, is_beside};
 use super::contours::arc_plane;
 use super::crossings::{Arcs, Pieces};
 use super::spans::Spans;
@@ -162,9 +162,30 @@ impl Chart for Isolines {
         let Outlook { chart, axes, position, .. } = outlook;
         let line = base_line(outlook);
         let u = chart.u(line);
-        faces.visit(position, axes * DVec3::new(u, 0.0, 1.0 - u.abs()), |face| {
-            if !excluded.contains(&face) {
-                let depth = depth_of(outlook, faces, face, line as u32);
+        let (start, normals) = (DVec3::new(u, 0.0, 1.0 - u.abs()), [DVec3::Y, DVec3::new(1.0 - u.abs(), 0.0, -u)]);
+        let normals = normals.map(|normal| axes * normal);
+        faces.visit(position, axes * start, |face| {
+            let [a, b, c] = faces.corners(face);
+            let corners = [a, b, c].map(|x| x.as_dvec3());
+            let directions = corners.map(|x| x - position);
+            if !is_beside(directions, normals) && !excluded.contains(&face) {
+                let vertices = faces.vertices(face);
+                let sign = i32::from(face_sign(position, a, b, c));
+                let places = directions.map(|w| Place::of(outlook.apply(w), chart));
+                let (mut here, mut total) = (0, 0);
+                for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                    // Edges run from the smaller vertex id to the larger, as they do among the candidates.
+                    let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
+                    let plane = outlook.apply(arc_plane(directions[a], corners[a], corners[b]));
+                    if let Some(Passage::Spine(below)) = passage(places[a], places[b], plane, chart) {
+                        let jump = spine_jump(orientation * sign, places[b]);
+                        total += jump;
+                        here += if below <= line as u32 { jump } else { 0 };
+                    }
+                }
+                // A face left on the way up the spine and not entered there was entered below its start, the pole -x. On the sliver of a
+                // face whose plane holds the receiver to rounding W may be -1, as its contours have it.
+                let depth = here + (-total).max(0);
                 if depth != 0 {
                     covers(face, depth);
                 }
@@ -210,45 +231,6 @@ impl Chart for Isolines {
             put(Sector { out, along, tangents: [tangent(from.max(1.0) - 1.0), tangent(to - 1.0)] });
         }
     }
-}
-
-/// W of one face alone at isoline `line` on the spine: 1 if the face covers the place, else 0 (or -1 on the sliver of a
-/// face whose plane holds the receiver to rounding, as its contours have it).
-fn depth_of(outlook: Outlook<Isolines>, faces: &FaceTree, face: u32, line: u32) -> i32 {
-    let Outlook { chart, position, .. } = outlook;
-    let [a, b, c] = faces.corners(face);
-    let corners = [a, b, c].map(|x| x.as_dvec3());
-    let directions = corners.map(|x| outlook.apply(x - position));
-    if is_beside_line(directions, chart.ratios[line as usize]) {
-        return 0;
-    }
-    let vertices = faces.vertices(face);
-    let sign = face_sign(position, a, b, c);
-    let places = directions.map(|w| Place::of(w, chart));
-    let (mut here, mut total) = (0, 0);
-    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-        // Edges run from the smaller vertex id to the larger, as they do among the candidates.
-        let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
-        let plane = outlook.apply(arc_plane(corners[a] - position, corners[a], corners[b]));
-        if let Some(Passage::Spine(below)) = passage(places[a], places[b], plane, chart) {
-            let jump = spine_jump(orientation * i32::from(sign), places[b]);
-            total += jump;
-            here += if below <= line { jump } else { 0 };
-        }
-    }
-    // A face left on the way up the spine and not entered there was entered below its start, the pole -x.
-    here + (-total).max(0)
-}
-
-/// Whether a face with corners in these directions does not cover the spine at the isoline with ratio `r`, whatever the rounding: all of
-/// it lies on one side of the plane of the spine, or of the plane x = r z.
-fn is_beside_line(corners: [DVec3; 3], r: f64) -> bool {
-    const MARGIN: f64 = 1e-6;
-    let is_beside = |values: [f64; 3], size: f64| {
-        values.iter().all(|&value| value > MARGIN * size) || values.iter().all(|&value| value < -MARGIN * size)
-    };
-    let size = corners.iter().fold(0.0, |size: f64, w| size.max(w.abs().max_element()));
-    is_beside(corners.map(|w| w.y), size) || is_beside(corners.map(|w| w.x - r * w.z), (1.0 + r.abs()) * size)
 }
 
 /// An isoline whose spine is above the horizon, in no plane of the axes, in which many scenes have faces.
