@@ -167,7 +167,8 @@ mod tests {
     use crate::bake::{Array, Phase};
 
     fn rows(range: std::ops::Range<usize>) -> Arrays {
-        let numbers = |of: usize| range.clone().flat_map(move |i| (0..of).map(move |j| (i as f64 + 0.1 * j as f64).sin()));
+        let numbers =
+            |of: usize| range.clone().flat_map(move |i| (0..of).map(move |j| (i as f64 + 0.1 * j as f64).sin()));
         let mut arrays = Arrays::new();
         arrays.push(Array::new("ambient_occlusion", [range.len()], numbers(1).collect())).unwrap();
         arrays.push(Array::new("vector_irradiance", [range.len(), 3, 3], numbers(9).collect())).unwrap();
