@@ -55,6 +55,8 @@ const REPEATS: usize = 3;
 const CAUTION: f64 = 1.4;
 /// Counts beyond this many times the finer level are looked at before they are believed.
 const TRUSTED: f64 = 2.0;
+/// Who judges others must have so many times as small an error.
+const JUDGE: f64 = 4.0;
 /// Where nothing better is known, rays are compared with so many times as many.
 const BETTER: u32 = 4;
 
@@ -155,12 +157,20 @@ impl<'a> Pilot<'a> {
 
     /// What rays promise, now that isolines have told how wrong they are.
     pub(super) fn revised_rays(&self, aim: f64, all: usize) -> Option<Candidate> {
-        let (reference, (family, levels)) = self.reference.as_ref().zip(self.rays.as_ref())?;
+        let (family, levels) = self.rays.as_ref()?;
         let levels = [0, 1].map(|i| {
             let (level, values) = &levels[i];
-            Level { rmse: difference(values, reference), ..*level }
+            let rmse = difference(values, self.reference.as_ref()?);
+            // Of what is left between two that are both wrong nobody knows whose fault it is.
+            self.are_lines_better(rmse).then_some(Level { rmse, ..*level })
         });
-        Some(Law::new(*family, levels).candidate(aim, all))
+        let [Some(coarse), Some(fine)] = levels else { return None };
+        Some(Law::new(*family, [coarse, fine]).candidate(aim, all))
+    }
+
+    /// Whether the values along the finer isolines can judge others of this error.
+    fn are_lines_better(&self, error: f64) -> bool {
+        self.lines.is_some_and(|law| JUDGE * law.error(law.levels[1].count) < error)
     }
 
     /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured.
@@ -189,8 +199,8 @@ impl<'a> Pilot<'a> {
         let Some((family, [coarse, fine])) = &self.rays else { return Ok(None) };
         let (family, law) = (*family, Law::new(*family, [coarse.0, fine.0]));
         let (better, rays) = match &self.reference {
-            Some(lines) => (lines.clone(), f64::INFINITY),
-            None => {
+            Some(lines) if self.are_lines_better(aim) => (lines.clone(), f64::INFINITY),
+            _ => {
                 let count = promised.count.saturating_mul(BETTER);
                 let other_rays = match self.method(family, count) {
                     Method::Qmc { samples, seed } => Method::Qmc { samples, seed: seed + 1 },

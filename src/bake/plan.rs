@@ -194,7 +194,7 @@ impl Law {
     }
 
     /// RMSE of `count` lines or samples.
-    fn error(&self, count: f64) -> f64 {
+    pub(super) fn error(&self, count: f64) -> f64 {
         self.scale() * count.powf(-self.exponent)
     }
 
