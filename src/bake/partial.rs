@@ -50,14 +50,8 @@ impl Partial {
     pub fn read(path: &Path, expected: &Provenance) -> Result<Self> {
         let archive = npz::read(path)?;
         let (mut arrays, provenance) = (archive.arrays, archive.provenance.unwrap_or_default());
-        if let Some((name, wanted, found)) = expected.disagreement(&provenance) {
-            let message =
-                format!("was made with {name} = {found}, not {wanted}; delete it or repeat the earlier command");
-            return Err(Error::file(path, message));
-        }
-        let Some(done) = arrays.remove(DONE) else {
-            return Err(Error::file(path, format!("has no array `{DONE}`: not the finished part of a run")));
-        };
+        check_run(path, expected, &provenance)?;
+        let Some(done) = arrays.remove(DONE) else { return Err(without_mask(path)) };
         let partial = Self { arrays, done: done.data.iter().map(|&done| done != 0.0).collect(), provenance };
         partial.check(partial.done.len()).map_err(|error| Error::file(path, error))?;
         Ok(partial)
@@ -68,7 +62,7 @@ impl Partial {
     /// # Errors
     /// When the file cannot be read.
     pub fn provenance(path: &Path) -> Result<Provenance> {
-        Ok(npz::read(path)?.provenance.unwrap_or_default())
+        Ok(npz::read_provenance(path)?.unwrap_or_default())
     }
 
     /// Fails unless this is a part of a run over `receivers` receivers.
@@ -88,6 +82,23 @@ impl Partial {
             None => Ok(()),
         }
     }
+}
+
+/// Fails unless the finished part `path`, made as `found` says, is one of a run that is to go on as `expected`.
+pub(super) fn check_run(path: &Path, expected: &Provenance, found: &Provenance) -> Result<()> {
+    match expected.disagreement(found) {
+        None => Ok(()),
+        Some((name, wanted, found)) => {
+            let message =
+                format!("was made with {name} = {found}, not {wanted}; delete it or repeat the earlier command");
+            Err(Error::file(path, message))
+        }
+    }
+}
+
+/// The archive `path` does not say which receivers are finished.
+pub(super) fn without_mask(path: &Path) -> Error {
+    Error::file(path, format!("has no array `{DONE}`: not the finished part of a run"))
 }
 
 #[cfg(test)]

@@ -59,6 +59,8 @@ const TRUSTED: f64 = 2.0;
 const JUDGE: f64 = 4.0;
 /// Where nothing better is known, rays are compared with so many times as many.
 const BETTER: u32 = 4;
+/// That is worth its while at this share of the receivers.
+const FEW: usize = 16;
 
 impl<'a> Pilot<'a> {
     pub(super) fn new(
@@ -196,7 +198,9 @@ impl<'a> Pilot<'a> {
         aim: f64,
         all: usize,
     ) -> Result<Option<Candidate>> {
-        let Some((family, [coarse, fine])) = &self.rays else { return Ok(None) };
+        // It casts up to six times as many rays as the run will, at these receivers.
+        let are_few = FEW * self.scattered.len() <= all;
+        let Some((family, [coarse, fine])) = self.rays.as_ref().filter(|_| are_few) else { return Ok(None) };
         let (family, law) = (*family, Law::new(*family, [coarse.0, fine.0]));
         let (better, rays) = match &self.reference {
             Some(lines) if self.are_lines_better(aim) => (lines.clone(), f64::INFINITY),
@@ -233,8 +237,9 @@ impl<'a> Pilot<'a> {
 
     /// Time of neighbours, errors and values of scattered receivers.
     fn level(&self, family: Family, count: u32) -> Result<(Level, Arrays)> {
-        let (errors, arrays) = self.measure(self.method(family, count), count, &self.scattered, 1)?;
-        let (time, _) = self.measure(self.method(family, count), count, &self.tiles, REPEATS)?;
+        let method = self.method(family, count);
+        let (errors, arrays) = self.measure(method, count, &self.scattered, 1)?;
+        let (time, _) = self.measure(method, count, &self.tiles, REPEATS)?;
         Ok((Level { stated: errors.stated, ..time }, arrays))
     }
 

@@ -62,7 +62,7 @@ pub struct RunOptions {
     threads: Option<usize>,
     /// Write what was done, and how fast, as JSON
     #[arg(long, value_name = "FILE.json")]
-    pub(super) stats: Option<PathBuf>,
+    stats: Option<PathBuf>,
     /// Go on from what an interrupted run kept
     #[arg(long)]
     pub(super) resume: bool,

@@ -22,6 +22,12 @@ pub(super) fn arc_plane(a: DVec3, xa: DVec3, xb: DVec3) -> DVec3 {
     a.cross(xb - xa)
 }
 
+/// The sides of a face, by its corners: each from the vertex of the smaller global id to that of the larger, as edges run among the
+/// candidates, and 1 if the face runs so, too, or else -1.
+pub(super) fn sides(vertices: [u32; 3]) -> [(usize, usize, i32); 3] {
+    [(0, 1), (1, 2), (2, 0)].map(|(i, j)| if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) })
+}
+
 /// The contours of one receiver.
 #[derive(Clone, Debug, Default)]
 pub struct ReceiverContours {

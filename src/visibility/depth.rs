@@ -3,7 +3,7 @@ use std::ops::ControlFlow;
 use dual_bvh::face_sign;
 use glam::DVec3;
 
-use super::contours::arc_plane;
+use super::contours::{arc_plane, sides};
 use crate::scene::FaceTree;
 
 /// Counts the depth complexity W in a direction that meets no edge, by a ray that counts every face once.
@@ -13,14 +13,12 @@ pub(super) fn count_along(faces: &FaceTree, position: DVec3, excluded: &[u32], d
     let mut depth = 0;
     faces.visit(position, direction, |face| {
         if !excluded.contains(&face) {
-            let vertices = faces.vertices(face);
             let [a, b, c] = faces.corners(face);
-            let sign = f64::from(face_sign(position, a, b, c));
+            let sign = i32::from(face_sign(position, a, b, c));
             let corners = [a, b, c].map(|x| x.as_dvec3());
-            let is_inside = [(0, 1), (1, 2), (2, 0)].into_iter().all(|(i, j)| {
-                let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1.0) } else { (j, i, -1.0) };
+            let is_inside = sides(faces.vertices(face)).into_iter().all(|(a, b, orientation)| {
                 let plane = arc_plane(corners[a] - position, corners[a], corners[b]);
-                orientation * sign * plane.dot(direction) < 0.0
+                f64::from(orientation * sign) * plane.dot(direction) < 0.0
             });
             depth += i32::from(is_inside);
         }

@@ -40,9 +40,7 @@ pub fn write(path: &Path, arrays: &Arrays, provenance: &Provenance) -> Result<()
 /// # Errors
 /// When the file is missing, truncated or no archive, or when an array is not numeric or holds infinities or NaN.
 pub fn read(path: &Path) -> Result<Archive> {
-    let file = File::open(path).map_err(|error| Error::file(path, error))?;
-    let mut zip = ZipArchive::new(BufReader::new(file))
-        .map_err(|error| Error::file(path, format!("not a NumPy archive, or truncated ({error})")))?;
+    let mut zip = open(path)?;
     let mut archive = Archive::default();
     for i in 0..zip.len() {
         let (name, bytes) = entry(&mut zip, i).map_err(|message| Error::file(path, message))?;
@@ -51,11 +49,7 @@ pub fn read(path: &Path) -> Result<Archive> {
         };
         let content = npy::parse(&bytes).map_err(|message| Error::file(path, format!("array {name}: {message}")))?;
         match content {
-            npy::Content::Text(json) if name == PROVENANCE => {
-                let provenance = serde_json::from_str(&json);
-                archive.provenance =
-                    Some(provenance.map_err(|error| Error::file(path, format!("provenance: {error}")))?);
-            }
+            npy::Content::Text(json) if name == PROVENANCE => archive.provenance = Some(parse_provenance(path, &json)?),
             npy::Content::Text(_) => return Err(Error::file(path, format!("array {name} holds text, not numbers"))),
             npy::Content::Numbers { shape, data } => {
                 archive.arrays.push(Array::new(name, shape, data)).map_err(|error| Error::file(path, error))?;
@@ -65,10 +59,32 @@ pub fn read(path: &Path) -> Result<Archive> {
     Ok(archive)
 }
 
-pub(super) fn entry(
-    zip: &mut ZipArchive<impl Read + Seek>,
-    i: usize,
-) -> std::result::Result<(String, Vec<u8>), String> {
+/// Reads where an archive comes from, if it says so, and nothing else of it.
+///
+/// # Errors
+/// When the file is missing, truncated or no archive.
+pub fn read_provenance(path: &Path) -> Result<Option<Provenance>> {
+    let mut zip = open(path)?;
+    let Some(i) = zip.index_for_name(&format!("{PROVENANCE}.npy")) else { return Ok(None) };
+    let refuse = |message| Error::file(path, message);
+    let (_, bytes) = entry(&mut zip, i).map_err(refuse)?;
+    match npy::parse(&bytes).map_err(refuse)? {
+        npy::Content::Text(json) => parse_provenance(path, &json).map(Some),
+        npy::Content::Numbers { .. } => Ok(None),
+    }
+}
+
+fn parse_provenance(path: &Path, json: &str) -> Result<Provenance> {
+    serde_json::from_str(json).map_err(|error| Error::file(path, format!("provenance: {error}")))
+}
+
+pub(super) fn open(path: &Path) -> Result<ZipArchive<BufReader<File>>> {
+    let file = File::open(path).map_err(|error| Error::file(path, error))?;
+    ZipArchive::new(BufReader::new(file))
+        .map_err(|error| Error::file(path, format!("not a NumPy archive, or truncated ({error})")))
+}
+
+fn entry(zip: &mut ZipArchive<impl Read + Seek>, i: usize) -> std::result::Result<(String, Vec<u8>), String> {
     let mut file = zip.by_index(i).map_err(|error| error.to_string())?;
     let name = file.name().map_err(|error| error.to_string())?.into_owned();
     let mut bytes = Vec::new();

@@ -1,16 +1,16 @@
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Seek, SeekFrom, Write, copy};
+use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write, copy};
 use std::path::{Path, PathBuf};
 
-use zip::{ZipArchive, ZipWriter};
+use zip::ZipWriter;
 
-use crate::bake::partial::DONE;
+use crate::bake::partial::{DONE, check_run, without_mask};
 use crate::bake::{Arrays, Partial, Provenance};
 use crate::scene::npy;
 use crate::{Error, Result};
 
 use super::atomic::{atomically, scratch};
-use super::npz::{PROVENANCE, add_provenance, entry, start};
+use super::npz::{PROVENANCE, add_provenance, open, start};
 
 /// Results that come in blocks of rows, on their way into a NumPy archive: they wait in nameless temporary files beside it, so that
 /// memory need not hold them.
@@ -39,46 +39,46 @@ impl Spool {
     /// When the file cannot be read, or was made from other input or with other settings.
     pub fn reopen(path: &Path, expected: &Provenance) -> Result<Self> {
         let part = Partial::path(path);
-        let mut spool = Self::new(path);
-        let file = File::open(&part).map_err(|error| Error::file(&part, error))?;
+        let provenance = Partial::provenance(&part)?;
+        check_run(&part, expected, &provenance)?;
         let refuse = |message: String| Error::file(&part, message);
+        if provenance.sh_phase != expected.sh_phase {
+            return Err(refuse("was made with another --sh-phase; delete it or repeat the earlier command".into()));
+        }
+        let mut spool = Self::new(path);
         let damaged = |error: &dyn std::fmt::Display| refuse(format!("truncated or damaged ({error})"));
-        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(|error| damaged(&error))?;
-        let mut provenance = Provenance::default();
-        let mut rows = None;
+        let mut zip = open(&part)?;
+        let (mut rows, mut has_mask) = (None, false);
         for i in 0..zip.len() {
             let mut file = zip.by_index(i).map_err(|error| damaged(&error))?;
             let name = file.name().map_err(|error| damaged(&error))?.trim_end_matches(".npy").to_owned();
             if name == PROVENANCE {
-                drop(file);
-                let (_, bytes) = entry(&mut zip, i).map_err(refuse)?;
-                if let Ok(npy::Content::Text(json)) = npy::parse(&bytes) {
-                    provenance = serde_json::from_str(&json).map_err(|error| damaged(&error))?;
-                }
                 continue;
             }
             let header = npy::Header::read(&mut file).map_err(refuse)?;
             let Some((&count, shape)) = header.shape.split_first() else { return Err(damaged(&name)) };
-            let mut column = Column { name, shape: shape.to_vec(), file: BufWriter::new(scratch(path)?) };
-            let bytes = copy(&mut file, &mut column.file).map_err(|error| damaged(&error))?;
-            header.check(bytes).map_err(refuse)?;
             if *rows.get_or_insert(count) != count {
                 return Err(refuse("its arrays have different numbers of rows".into()));
             }
+            if name == DONE {
+                let mut bytes = Vec::new();
+                file.read_to_end(&mut bytes).map_err(|error| damaged(&error))?;
+                header.check(bytes.len() as u64).map_err(refuse)?;
+                if header.numbers(&bytes).map_err(refuse)?.iter().any(|&done| done != 1.0) {
+                    return Err(refuse(
+                        "holds receivers that are not finished, as no run by blocks leaves; begin anew".into(),
+                    ));
+                }
+                has_mask = true;
+                continue;
+            }
+            let mut column = Column { name, shape: shape.to_vec(), file: BufWriter::new(scratch(path)?) };
+            let bytes = copy(&mut file, &mut column.file).map_err(|error| damaged(&error))?;
+            header.check(bytes).map_err(refuse)?;
             spool.columns.push(column);
         }
-        if let Some((name, wanted, found)) = expected.disagreement(&provenance) {
-            let message =
-                format!("was made with {name} = {found}, not {wanted}; delete it or repeat the earlier command");
-            return Err(refuse(message));
-        }
-        if provenance.sh_phase != expected.sh_phase {
-            return Err(refuse("was made with another --sh-phase; delete it or repeat the earlier command".into()));
-        }
-        let count = spool.columns.len();
-        spool.columns.retain(|column| column.name != DONE);
-        if spool.columns.len() == count {
-            return Err(refuse(format!("has no array `{DONE}`: not the finished part of a run")));
+        if !has_mask {
+            return Err(without_mask(&part));
         }
         spool.rows = rows.unwrap_or_default();
         Ok(spool)
@@ -214,6 +214,9 @@ mod tests {
         assert!(message(&phase).contains("--sh-phase"));
         npz::write(&part, &rows(0..3), &provenance).unwrap();
         assert!(message(&provenance).contains("no array `done`"));
+        let done = vec![true, false, true];
+        Partial { arrays: rows(0..3), done, provenance: provenance.clone() }.write(&part).unwrap();
+        assert!(message(&provenance).contains("not finished"));
         let bytes = std::fs::read(&part).unwrap();
         for cut in (0..bytes.len()).step_by(53) {
             std::fs::write(&part, &bytes[..cut]).unwrap();

@@ -9,7 +9,7 @@ use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::chart::{Chart, Outlook, Sector, is_beside};
-use super::contours::arc_plane;
+use super::contours::{arc_plane, sides};
 use super::crossings::{Arcs, Pieces};
 use crate::scene::FaceTree;
 use crate::sphere::rough_angle;
@@ -118,11 +118,6 @@ impl MeridianFrame {
     pub fn axes(self) -> DMat3 {
         self.axes
     }
-
-    /// Where the isolines start.
-    pub fn start(self) -> DVec3 {
-        -self.axes.z_axis
-    }
 }
 
 /// Angle of ties.
@@ -191,13 +186,10 @@ impl Chart for Meridians {
             let corners = [a, b, c].map(|x| x.as_dvec3());
             let directions = corners.map(|x| x - position);
             if !is_beside(directions, [axes.x_axis, axes.y_axis]) && !excluded.contains(&face) {
-                let vertices = faces.vertices(face);
                 let sign = i32::from(face_sign(position, a, b, c));
                 let places = directions.map(|w| chart.place(outlook.apply(w)));
                 let mut total = 0;
-                for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-                    // Edges run from the smaller vertex id to the larger, as they do among the candidates.
-                    let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
+                for (a, b, orientation) in sides(faces.vertices(face)) {
                     let plane = || outlook.apply(arc_plane(directions[a], corners[a], corners[b]));
                     let way = Way::new(places[a], places[b], lines as i32, plane);
                     total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
@@ -250,7 +242,8 @@ mod tests {
             for (second, steepest) in [(false, 0.5), (true, 0.25)] {
                 let frame = MeridianFrame::facing(Some(n), second);
                 assert!((frame.axes().determinant() - 1.0).abs() < 1e-14);
-                assert!(frame.start().dot(n) > steepest, "{n} {second} {}", frame.start().dot(n));
+                let start = -frame.axes().z_axis;
+                assert!(start.dot(n) > steepest, "{n} {second} {}", start.dot(n));
                 assert_eq!(frame, MeridianFrame::of_octant(frame.octant()));
             }
         }

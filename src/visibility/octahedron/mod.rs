@@ -10,7 +10,7 @@ use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::chart::{Chart, Outlook, Sector, is_beside};
-use super::contours::arc_plane;
+use super::contours::{arc_plane, sides};
 use super::crossings::{Arcs, Pieces};
 use super::spans::Spans;
 use crate::scene::FaceTree;
@@ -169,13 +169,10 @@ impl Chart for Isolines {
             let corners = [a, b, c].map(|x| x.as_dvec3());
             let directions = corners.map(|x| x - position);
             if !is_beside(directions, normals) && !excluded.contains(&face) {
-                let vertices = faces.vertices(face);
                 let sign = i32::from(face_sign(position, a, b, c));
                 let places = directions.map(|w| Place::of(outlook.apply(w), chart));
                 let (mut here, mut total) = (0, 0);
-                for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-                    // Edges run from the smaller vertex id to the larger, as they do among the candidates.
-                    let (a, b, orientation) = if vertices[i] < vertices[j] { (i, j, 1) } else { (j, i, -1) };
+                for (a, b, orientation) in sides(faces.vertices(face)) {
                     let plane = outlook.apply(arc_plane(directions[a], corners[a], corners[b]));
                     if let Some(Passage::Spine(below)) = passage(places[a], places[b], plane, chart) {
                         let jump = spine_jump(orientation * sign, places[b]);
