@@ -112,7 +112,7 @@ impl<'a> Pilot<'a> {
         let started = Instant::now();
         self.prepared.build(family, &self.tiles)?;
         self.built.push((family, started.elapsed().as_secs_f64()));
-        let [coarse, fine] = family.levels();
+        let [coarse, fine] = family.levels(aim);
         if family == Family::Embree {
             self.choose_kernel(coarse)?;
         }
@@ -190,7 +190,8 @@ impl<'a> Pilot<'a> {
         Ok(Some(Law::new(Family::Isolines, [fine, finer]).candidate(aim, all)))
     }
 
-    /// What rays promise after half of those promised have been tried, and, if these do not reach the error `aim`, all.
+    /// What rays promise after half of those promised have been tried, and half of these, while they reach the error `aim`; and all, if
+    /// half do not.
     pub(super) fn settle_rays(
         &self,
         promised: &Candidate,
@@ -220,12 +221,18 @@ impl<'a> Pilot<'a> {
             let share = (1.0 + (f64::from(count) / rays).powf(1.5)).sqrt().recip();
             Ok::<_, Error>(share * difference(&values, &better))
         };
-        let half = promised.count / 2;
-        if half >= Family::FEWEST_RAYS {
-            let half_error = error(half)?;
-            if half_error <= aim {
-                return Ok(Some(law.candidate_of(half, half_error, all)));
+        let mut settled = None;
+        let mut count = promised.count / 2;
+        while count >= Family::FEWEST_RAYS {
+            let found = error(count)?;
+            if found > aim {
+                break;
             }
+            settled = Some(law.candidate_of(count, found, all));
+            count /= 2;
+        }
+        if settled.is_some() {
+            return Ok(settled);
         }
         let whole_error = error(promised.count)?;
         if whole_error <= goal {

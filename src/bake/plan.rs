@@ -129,11 +129,12 @@ impl Family {
         }
     }
 
-    /// Two counts at which it is measured, far enough apart to tell how error and time go on.
-    pub(super) fn levels(self) -> [u32; 2] {
+    /// Two counts at which it is measured, far enough apart to tell how error and time go on. Where few rays will do, few tell it.
+    pub(super) fn levels(self, error: f64) -> [u32; 2] {
         match self {
             Self::Isolines => [32, 128],
             Self::Exact => [0; 2],
+            Self::Qmc | Self::Embree if error > FEW_RAYS => [16, 64],
             Self::Qmc | Self::Embree => [64, 512],
         }
     }
@@ -262,6 +263,12 @@ const LEAST_RAY_ERROR: f64 = 0.05;
 /// Building what finds contours takes at least this much time for each triangle, in seconds.
 const LEAST_BUILD: f64 = 0.3e-6;
 
+/// This error takes not many more than a hundred rays anywhere.
+const FEW_RAYS: f64 = 3e-2;
+
+/// Isolines by the thousand take up to so many times less than the few that were measured let expect.
+const DOUBT: f64 = 4.0;
+
 /// Above this error rays are tried first.
 const COARSE: f64 = 3e-3;
 
@@ -324,8 +331,11 @@ impl Prepared<'_> {
             candidates[at] = settled;
             rank(&mut candidates, goal.error);
         }
-        if let Some(better_known) = pilot.look_again(&candidates[0], aim, all)? {
-            candidates[0] = better_known;
+        if let Some(at) = candidates.iter().position(|candidate| candidate.family == Family::Isolines)
+            && candidates[at].expected_seconds < DOUBT * candidates[0].expected_seconds
+            && let Some(better_known) = pilot.look_again(&candidates[at], aim, all)?
+        {
+            candidates[at] = better_known;
             rank(&mut candidates, goal.error);
         }
         let best = &candidates[0];
