@@ -8,7 +8,7 @@ use crate::bake::writers::{Layout, check_target, write};
 use crate::bake::{Arrays, Baked, BakedVertices, Prepared, Provenance, Request};
 use crate::integrand::{environment_harmonics, relit};
 use crate::report;
-use crate::scene::{Scene, Sky};
+use crate::scene::{FaceTree, Scene, Sky};
 use crate::sphere::Order;
 use crate::{Error, Result};
 
@@ -118,10 +118,8 @@ impl Bake {
         };
         let pool = self.run.pool()?;
         let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
-        drop(prepared);
-
         if let Some(preview) = &preview {
-            pool.install(|| draw(&scene, &arrays, self.harmonics.order, preview))?;
+            pool.install(|| draw(&scene, &prepared.into_faces(), &arrays, self.harmonics.order, preview))?;
         }
         if !wanted(Quantity::Transfer) {
             arrays.remove("transfer_sh");
@@ -140,7 +138,7 @@ impl Bake {
 }
 
 /// Draws the scene from its camera, relit by its environment, or a built-in sky, through the transfer vectors.
-fn draw(scene: &Scene, arrays: &Arrays, order: usize, path: &Path) -> Result<()> {
+fn draw(scene: &Scene, faces: &FaceTree, arrays: &Arrays, order: usize, path: &Path) -> Result<()> {
     let order = Order::new(order)?;
     let environment = match &scene.environment {
         Some(environment) => environment.clone(),
@@ -153,5 +151,5 @@ fn draw(scene: &Scene, arrays: &Arrays, order: usize, path: &Path) -> Result<()>
     let transfer = arrays.get("transfer_sh").ok_or_else(|| Error::input("a preview needs transfer vectors"))?;
     let light = environment_harmonics(&environment, order);
     let radiance: Vec<[f64; 3]> = transfer.data.chunks_exact(order.len()).map(|row| relit(row, &light)).collect();
-    report::preview(&scene.geometry, &radiance, &environment, &camera).write(path)
+    report::preview(&scene.geometry, faces, &radiance, &environment, &camera).write(path)
 }
