@@ -170,6 +170,8 @@ pub(crate) fn grow_tree(bounds: Vec<[[f32; 3]; 2]>, leaf: u32) -> (Bvh2, f64) {
     tree.max_depth = tree.max_depth.max(tree.depth(0) + 1);
     let second = parameters.reinsertion_batch_ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier;
     optimizer.run(&mut tree, second, None);
+    // Only the optimizer looks at these.
+    tree.parents = Vec::new();
     (tree, scale)
 }
 
