@@ -3,15 +3,15 @@
 mod scene;
 
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use dual_bvh::{BuildOptions, Candidates, Contours, DualBvh, Tile, brute_force};
 use glam::DVec3;
 use scene::Case;
+use silhouette::bake::Pixels;
 use silhouette::integrand::{LightMoments, LightTable, LineHarmonics, LineMoments, ambient_occlusion};
-use silhouette::reference::RayScene;
+use silhouette::reference::{RayScene, first_hit};
 use silhouette::scene::{FaceTree, Scene, Sky};
 use silhouette::sphere::Order;
 use silhouette::visibility::{Frame, Isolines, Meridians, Spans, open_spans};
@@ -53,18 +53,15 @@ fn bench(criterion: &mut Criterion) {
     let expected = sky.patches(1).map(|(moment, radiance)| moment * f64::from(radiance.x)).sum::<DVec3>();
     assert!(moments.vectors()[0].distance(expected) < 1e-9, "light along lines");
 
-    // What the judge's rays hit first is on the tree's way, too.
+    // Primary rays through the tree hit what the judge's rays hit.
     let (tree, rays) = (faces(), RayScene::new(&geometry));
     for receiver in (0..receivers.len()).step_by(5000).map(|i| receivers.get(i)) {
         let Some(direction) = receiver.normal else { continue };
-        let Some(hit) = rays.first_hit(receiver.position, direction, receiver.excluded) else { continue };
-        let mut is_met = false;
-        tree.visit(receiver.position, direction, |face| {
-            is_met |= face == hit.face;
-            ControlFlow::Continue(())
-        });
-        assert!(is_met, "faces");
+        let above = receiver.position + 1e-3 * direction;
+        assert_eq!(first_hit(&tree, above, direction), rays.first_hit(above, direction, &[]), "faces");
     }
+    let scene = Scene::builtin("knots_100k").expect("it is built in");
+    let camera = scene.camera.expect("it has one").with_resolution([320, 240]).expect("a small picture");
 
     let mut group = criterion.benchmark_group("build");
     group.sample_size(10).sampling_mode(SamplingMode::Flat);
@@ -72,6 +69,9 @@ fn bench(criterion: &mut Criterion) {
     group.bench_function("scene knots_100k", |b| b.iter(|| black_box(Scene::builtin("knots_100k"))));
     group.bench_function("DualBvh knots_100k", |b| b.iter(|| black_box(edges())));
     group.bench_function("FaceTree knots_100k", |b| b.iter(|| black_box(faces())));
+    group.bench_function("primary rays knots_100k, 320 x 240", |b| {
+        b.iter(|| black_box(Pixels::new(&geometry, &tree, &camera)));
+    });
     group.bench_function("LineHarmonics, order 4, 256 lines", |b| {
         b.iter(|| black_box(LineHarmonics::new(order, &meridians)));
     });

@@ -9,6 +9,7 @@ use silhouette::bake::{
     Array, Arrays, Baked, BakedVertices, Method, Partial, Provenance, Receivers, Request, integrate, writers,
 };
 use silhouette::scene::{Environment, Scene, UpAxis};
+use silhouette::sphere::Lobe;
 
 /// Runs the binary in `folder`.
 fn silhouette(folder: &Path, arguments: &str) -> Output {
@@ -72,6 +73,10 @@ fn wrong_usage_is_told_apart_from_errors() {
         ("integrate a.obj -o a.npz --isolines 0", "--isolines"),
         ("integrate a.obj -o a.npz --order 11", "1..=10"),
         ("integrate a.obj -o a.npz --order four", "--order"),
+        ("integrate a.obj -o a.npz --order 4 --lobe diffuse", "--lobe"),
+        ("integrate a.obj -o a.npz --lobe shiny", "neither `diffuse` nor an exponent"),
+        ("integrate a.obj -o a.npz --lobe -2", "exponent"),
+        ("integrate a.obj -o a.npz --lobe-error 0.1", "--lobe"),
         ("integrate a.obj -o a.npz --method magic", "isolines, exact, qmc"),
         ("integrate a.obj -o a.npz --threads 0", "--threads"),
         ("integrate a.obj -o a.npz --samples 16", "--samples means nothing to --method isolines"),
@@ -517,6 +522,32 @@ fn interrupted_bakes_go_on_to_the_same_bits() {
 /// Parts of the command's work that `--stats` tells of.
 fn statistics(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn a_lobe_decides_how_many_bands_are_baked() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("solid.obj"), SOLID).unwrap();
+    for (command, lobe, error, noted) in
+        [("bake", "diffuse", 0.1, "diffuse"), ("integrate", "12", 0.25, "cos^12"), ("integrate", "12", 0.4, "cos^12")]
+    {
+        let line = format!("{command} solid.obj -o out.npz --isolines 16 --lobe {lobe} --lobe-error {error}");
+        let output = silhouette(folder, &line);
+        let said = String::from_utf8(output.stderr).unwrap();
+        let expected = Lobe::new(lobe.parse().unwrap_or(1.0)).unwrap().order(error).unwrap();
+        assert!(output.status.success() && said.contains(&format!("takes {} bands", expected.bands())), "{said}");
+        let written = writers::npz::read(&folder.join("out.npz")).unwrap();
+        assert_eq!(written.arrays.get("transfer_sh").unwrap().shape, [7, expected.len()]);
+        let parameters = written.provenance.unwrap().parameters;
+        let value = |name: &str| parameters.iter().find(|fact| fact.0 == name).map(|fact| fact.1.clone());
+        assert_eq!(value("order"), Some(expected.bands().to_string()));
+        assert_eq!((value("lobe"), value("lobe_error")), (Some(noted.into()), Some(error.to_string())));
+        std::fs::remove_file(folder.join("out.npz")).unwrap();
+    }
+    let text = fails(folder, "bake solid.obj -o out.npz --lobe 500", 1);
+    assert!(text.contains("the most on offer; allow that much"), "{text}");
+    assert_eq!(listing(folder), ["solid.obj"]);
 }
 
 #[test]

@@ -126,6 +126,8 @@ fn the_report_holds_everything() {
     for part in ["silhouette race", "Time at equal error", "## Build", "## Targets", "METHODOLOGY", "cores"] {
         assert!(report.contains(part), "{part} in {report}");
     }
+    assert!(report.contains("## Threads") && report.contains("| icosphere | isolines | 256 lines | 2 |"), "{report}");
+    assert!(read("threads.svg").contains("ideal"));
     for plot in ["icosphere_ao", "icosphere_sh_4", "icosphere_light", "threads"] {
         assert!(read(&format!("{plot}.svg")).contains("isolines"), "{plot}");
         assert!(folder.join(plot).with_extension("png").exists(), "{plot}");

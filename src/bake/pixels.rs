@@ -2,8 +2,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Receivers;
-use crate::reference::RayScene;
-use crate::scene::{Camera, Geometry};
+use crate::reference::first_hit;
+use crate::scene::{Camera, FaceTree, Geometry};
 
 /// What a camera sees through the middles of its pixels.
 #[derive(Clone, Debug)]
@@ -17,15 +17,15 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// Casts the primary rays.
-    pub fn new(geometry: &Geometry, rays: &RayScene, camera: &Camera) -> Self {
+    /// Casts the primary rays; `faces` is the tree over the triangles of `geometry`.
+    pub fn new(geometry: &Geometry, faces: &FaceTree, camera: &Camera) -> Self {
         let [width, height] = camera.resolution();
         let seen: Vec<(u32, DVec3, DVec3, u32)> = (0..height)
             .into_par_iter()
             .flat_map_iter(|y| (0..width).map(move |x| (x, y)))
             .filter_map(|(x, y)| {
                 let direction = camera.pixel_direction(x, y);
-                let hit = rays.first_hit(camera.position(), direction, &[])?;
+                let hit = first_hit(faces, camera.position(), direction)?;
                 let [a, b, c] = geometry.corners(hit.face);
                 let [i, j, k] = hit.barycentric;
                 let normal = (b - a).cross(c - a).normalize();

@@ -137,6 +137,12 @@ impl<'a> Prepared<'a> {
         self.faces.get_or_init(|| self.geometry.face_tree())
     }
 
+    /// The faces alone, without what else has been built.
+    pub fn into_faces(self) -> FaceTree {
+        let Self { geometry, faces, .. } = self;
+        faces.into_inner().unwrap_or_else(|| geometry.face_tree())
+    }
+
     /// The judge's rays.
     pub(super) fn rays(&self) -> &RayScene {
         self.rays.get_or_init(|| RayScene::new(self.geometry))

@@ -8,7 +8,7 @@ use crate::bake::writers::{Layout, check_target, write};
 use crate::bake::{Arrays, Baked, BakedVertices, Prepared, Provenance, Request};
 use crate::integrand::{environment_harmonics, relit};
 use crate::report;
-use crate::scene::{Scene, Sky};
+use crate::scene::{FaceTree, Scene, Sky};
 use crate::sphere::Order;
 use crate::{Error, Result};
 
@@ -73,6 +73,7 @@ Examples:
   silhouette bake -o teapot.glb
   silhouette bake room.toml -o room.npz --order 6 --isolines 512
   silhouette bake dragon.obj -o dragon.ply --quantities occlusion,bent-normal
+  silhouette bake room.toml -o room.npz --quantities transfer --lobe diffuse
   silhouette bake dragon.obj -o dragon.npz --error 1e-3  in the least time
   silhouette bake dragon.obj -o dragon.ply --resume      after Ctrl-C
   silhouette bake moved.toml -o moved.npz --update room.npz --before room.toml
@@ -90,9 +91,10 @@ impl Bake {
         if let Some(preview) = &preview {
             check_target(preview, Layout::Image)?;
         }
+        let (order, parameters) = self.harmonics.order(Provenance::default(), self.run.quiet)?;
         let wanted = |quantity| self.quantities.contains(&quantity);
         let request = Request {
-            order: self.harmonics.order,
+            order: order.bands(),
             ambient_occlusion: wanted(Quantity::Occlusion),
             visibility_sh: wanted(Quantity::Visibility),
             transfer_sh: wanted(Quantity::Transfer) || preview.is_some(),
@@ -101,8 +103,7 @@ impl Bake {
             ..Request::default()
         };
         let name = self.scene.as_ref().map_or("built-in".into(), |scene| scene.display().to_string());
-        let parameters =
-            Provenance::default().with("order", request.order).with("scene", name).with("gradients", self.gradients);
+        let parameters = parameters.with("scene", name).with("gradients", self.gradients);
         let scene = scene(self.scene.as_deref())?;
         let receivers = vertices(&scene.geometry);
         let earlier = self.update.earlier(&scene.geometry)?;
@@ -118,10 +119,9 @@ impl Bake {
         };
         let pool = self.run.pool()?;
         let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
-        drop(prepared);
-
-        if let Some(preview) = &preview {
-            pool.install(|| draw(&scene, &arrays, self.harmonics.order, preview))?;
+        match &preview {
+            Some(preview) => pool.install(|| draw(&scene, &prepared.into_faces(), &arrays, order, preview))?,
+            None => drop(prepared),
         }
         if !wanted(Quantity::Transfer) {
             arrays.remove("transfer_sh");
@@ -140,8 +140,7 @@ impl Bake {
 }
 
 /// Draws the scene from its camera, relit by its environment, or a built-in sky, through the transfer vectors.
-fn draw(scene: &Scene, arrays: &Arrays, order: usize, path: &Path) -> Result<()> {
-    let order = Order::new(order)?;
+fn draw(scene: &Scene, faces: &FaceTree, arrays: &Arrays, order: Order, path: &Path) -> Result<()> {
     let environment = match &scene.environment {
         Some(environment) => environment.clone(),
         None => Sky::default().environment()?,
@@ -153,5 +152,5 @@ fn draw(scene: &Scene, arrays: &Arrays, order: usize, path: &Path) -> Result<()>
     let transfer = arrays.get("transfer_sh").ok_or_else(|| Error::input("a preview needs transfer vectors"))?;
     let light = environment_harmonics(&environment, order);
     let radiance: Vec<[f64; 3]> = transfer.data.chunks_exact(order.len()).map(|row| relit(row, &light)).collect();
-    report::preview(&scene.geometry, &radiance, &environment, &camera).write(path)
+    report::preview(&scene.geometry, faces, &radiance, &environment, &camera).write(path)
 }

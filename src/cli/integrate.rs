@@ -56,6 +56,7 @@ Examples:
   silhouette integrate bunny.obj --points probes.npy --isolines 512 -o probes.npz
   silhouette integrate a.glb b.ply --environment sky.exr --up z --stats stats.json -o light.npz
   silhouette integrate bunny.obj --points probes.npy --method exact --gradients -o probes.npz
+  silhouette integrate bunny.obj --lobe 8 --lobe-error 0.2 -o glossy.npz
   silhouette integrate bunny.obj --method qmc --samples 65536 -o judge.npz";
 
 impl Integrate {
@@ -66,9 +67,10 @@ impl Integrate {
             return Err(Error::file(&self.output, "integrate writes .npz").into());
         }
         check_target(&self.output, Layout::Vertices)?;
+        let (order, parameters) = self.harmonics.order(Provenance::default(), self.run.quiet)?;
         let lit = self.light.environment.is_some();
         let request = Request {
-            order: self.harmonics.order,
+            order: order.bands(),
             ambient_occlusion: true,
             visibility_sh: true,
             transfer_sh: true,
@@ -79,11 +81,7 @@ impl Integrate {
         };
         let meshes = self.meshes.iter().map(|mesh| mesh.display().to_string()).collect::<Vec<_>>().join(", ");
         let points = self.points.as_ref().map_or("vertices".into(), |points| points.display().to_string());
-        let parameters = Provenance::default()
-            .with("order", request.order)
-            .with("meshes", meshes)
-            .with("points", points)
-            .with("gradients", self.gradients);
+        let parameters = parameters.with("meshes", meshes).with("points", points).with("gradients", self.gradients);
         let parameters = self.light.record(parameters);
 
         let scene = Scene::from_meshes(&self.meshes)?;

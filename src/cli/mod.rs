@@ -7,6 +7,7 @@ mod inspect;
 mod integrate;
 mod interrupt;
 mod judge;
+mod memory;
 mod method;
 mod options;
 mod proxies;
@@ -82,6 +83,7 @@ pub fn run() -> ExitCode {
             return ExitCode::from(error.exit_code() as u8);
         }
     };
+    memory::return_freed();
     interrupt::listen();
     let result = match command {
         Command::Bake(bake) => bake.run(),

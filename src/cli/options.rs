@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use crate::bake::{Phase, Provenance, Receivers};
 use crate::scene::{Camera, Environment, Geometry, Scene, UpAxis};
+use crate::sphere::{Lobe, Order};
 use crate::{Error, Result};
 
 use super::say;
@@ -19,7 +20,13 @@ use super::say;
 pub struct HarmonicsOptions {
     /// Number of bands; order n gives n^2 coefficients
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = RangedU64ValueParser::<usize>::new().range(1..=10))]
-    pub order: usize,
+    order: usize,
+    /// As few bands as this material's lobe needs, instead of --order: `diffuse`, or the exponent of a Phong-like cosine power
+    #[arg(long, value_name = "diffuse|S", value_parser = lobe, allow_negative_numbers = true, conflicts_with = "order")]
+    lobe: Option<Lobe>,
+    /// What the lobe may lose beyond its bands, relative to its L2 norm
+    #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true, default_value_t = 0.1, requires = "lobe")]
+    lobe_error: f64,
     /// Sign of the coefficients with odd |m|
     #[arg(long, value_enum, default_value_t = PhaseName::Plain)]
     sh_phase: PhaseName,
@@ -34,6 +41,21 @@ enum PhaseName {
 }
 
 impl HarmonicsOptions {
+    /// The bands asked for, or those that the lobe needs; notes in `provenance` what decided.
+    pub fn order(&self, provenance: Provenance, quiet: bool) -> Result<(Order, Provenance)> {
+        let Some(lobe) = self.lobe else {
+            let order = Order::new(self.order)?;
+            return Ok((order, provenance.with("order", order.bands())));
+        };
+        let order = lobe.order(self.lobe_error)?;
+        let (bands, lost) = (order.bands(), lobe.error(order));
+        if !quiet {
+            say(format_args!("the lobe {lobe} takes {bands} bands: beyond them it loses {lost:.1e} of itself"));
+        }
+        let provenance = provenance.with("order", bands).with("lobe", lobe).with("lobe_error", self.lobe_error);
+        Ok((order, provenance))
+    }
+
     /// The phase convention asked for.
     pub fn phase(&self) -> Phase {
         match self.sh_phase {
@@ -101,6 +123,15 @@ impl LightOptions {
                 .with("rotation", self.rotation.unwrap_or_default()),
             None => provenance,
         }
+    }
+}
+
+/// Parses a lobe: its exponent, or the diffuse one.
+fn lobe(text: &str) -> std::result::Result<Lobe, String> {
+    match text.parse() {
+        _ if text == "diffuse" => Ok(Lobe::DIFFUSE),
+        Ok(exponent) => Lobe::new(exponent).map_err(|error| error.to_string()),
+        Err(_) => Err("neither `diffuse` nor an exponent".into()),
     }
 }
 

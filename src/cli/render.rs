@@ -6,7 +6,6 @@ use std::f64::consts::FRAC_1_PI;
 
 use crate::bake::writers::{Layout, check_target, write};
 use crate::bake::{Array, Baked, BakedImage, Pixels, Prepared, Provenance, Request};
-use crate::reference::RayScene;
 use crate::scene::Geometry;
 
 use super::Failure;
@@ -96,11 +95,11 @@ impl Render {
             .with("width", resolution[0])
             .with("height", resolution[1]);
         let pool = self.run.pool()?;
-        let pixels = pool.install(|| Pixels::new(&scene.geometry, &RayScene::new(&scene.geometry), &camera));
+        let prepared = &Prepared::new(&scene.geometry, environment);
+        let pixels = pool.install(|| Pixels::new(&scene.geometry, prepared.faces(), &camera));
         let parameters = self.light.record(parameters);
 
-        let (geometry, receivers) = (&scene.geometry, &pixels.receivers);
-        let prepared = &Prepared::new(geometry, environment);
+        let receivers = &pixels.receivers;
         let work = Work { prepared, receivers, request: &request, choice, earlier: None, parameters };
         let (mut arrays, provenance) = self.run.integrate(&work, &self.output, &pool)?;
         if let Some(irradiance) = arrays.get("irradiance") {

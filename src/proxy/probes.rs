@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::Surface;
-use crate::bake::{Control, Method, Receivers, Request, integrate};
-use crate::reference::RayScene;
+use crate::bake::{Control, Method, Prepared, Receivers, Request};
+use crate::reference::first_hit;
 use crate::scene::Geometry;
 use crate::sphere::{Order, TripleProduct, clamped_cosine};
 use crate::{Error, Result};
@@ -19,8 +19,7 @@ use crate::{Error, Result};
 /// or under the floor, are left out. What varies within a cube is smoothed: shadows of the set on bodies are as sharp as the
 /// spacing, and their bands, allow.
 pub struct Probes<'a> {
-    geometry: &'a Geometry,
-    rays: RayScene,
+    prepared: Prepared<'a>,
     method: Method,
     spacing: f64,
     order: Order,
@@ -64,8 +63,8 @@ impl<'a> Probes<'a> {
                 }
             }
         }
-        let (rays, known) = (RayScene::new(geometry), HashMap::new());
-        Ok(Self { geometry, rays, method, spacing, order, inner, terms, known })
+        let (prepared, known) = (Prepared::new(geometry, None), HashMap::new());
+        Ok(Self { prepared, method, spacing, order, inner, terms, known })
     }
 
     /// Probes integrated so far.
@@ -77,7 +76,7 @@ impl<'a> Probes<'a> {
     /// integrated.
     ///
     /// # Errors
-    /// As [`integrate`]; [`Error::Interrupted`] if `control` stops it.
+    /// As [`Prepared::integrate`]; [`Error::Interrupted`] if `control` stops it.
     pub fn shade(&mut self, bodies: &mut [Surface], control: &dyn Control) -> Result<()> {
         // The middle of all vertices in every cube stands for the body there.
         let mut cubes: BTreeMap<Corner, (DVec3, f64)> = BTreeMap::new();
@@ -108,7 +107,7 @@ impl<'a> Probes<'a> {
         }
         let receivers = Receivers::probes(corners.iter().map(|corner| self.position(*corner)).collect());
         let request = Request { order: self.inner.bands(), visibility_sh: true, ..Request::default() };
-        let outcome = integrate(self.geometry, None, &receivers, &request, self.method, None, control)?;
+        let outcome = self.prepared.integrate(&receivers, &request, self.method, None, control)?;
         if !outcome.done.iter().all(|done| *done) {
             return Err(Error::Interrupted);
         }
@@ -131,7 +130,8 @@ impl<'a> Probes<'a> {
     /// Whether nothing stands between two points.
     fn sees(&self, from: DVec3, to: DVec3) -> bool {
         let distance = from.distance(to);
-        distance == 0.0 || self.rays.first_hit(from, (to - from) / distance, &[]).is_none_or(|hit| hit.t > distance)
+        distance == 0.0
+            || first_hit(self.prepared.faces(), from, (to - from) / distance).is_none_or(|hit| hit.t > distance)
     }
 
     fn transfer(&self, p: Vec3, n: Vec3, seen: &HashMap<Corner, [bool; 8]>) -> Vec<f32> {
@@ -172,6 +172,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
+    use crate::bake::integrate;
     use crate::scene::shapes::{Cuboid, Plane};
     use crate::scene::{GeometryBuilder, Mesh};
 

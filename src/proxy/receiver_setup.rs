@@ -371,7 +371,6 @@ mod tests {
 
     use super::*;
     use crate::bake::Pixels;
-    use crate::reference::RayScene;
     use crate::scene::shapes::{Cuboid, Random, TorusKnot};
     use crate::scene::{Geometry, GeometryBuilder};
 
@@ -401,13 +400,13 @@ mod tests {
     fn equals_primary_rays() {
         let geometry = knot();
         let surface = surface(&geometry);
-        let rays = RayScene::new(&geometry);
+        let faces = geometry.face_tree();
         // From outside, and from within, with triangles across the plane of the camera.
         for position in [DVec3::new(1.0, 2.0, 5.0), DVec3::new(0.3, 0.9, 0.4)] {
             let viewport = viewport(position, [101, 77], 1);
             let mut receivers = viewport.nothing(0);
             draw(&viewport, &surface, &mut receivers);
-            let pixels = Pixels::new(&geometry, &rays, &viewport.camera);
+            let pixels = Pixels::new(&geometry, &faces, &viewport.camera);
             let mut expected = vec![None; 101 * 77];
             for (i, pixel) in pixels.indices.iter().enumerate() {
                 expected[*pixel as usize] = Some(pixels.receivers.positions[i]);

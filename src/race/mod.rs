@@ -7,6 +7,7 @@ mod curve;
 mod event;
 mod gain;
 mod machine;
+mod plots;
 mod report;
 mod row;
 mod targets;

@@ -6,7 +6,6 @@ use rayon::ThreadPoolBuilder;
 
 use crate::bake::writers::atomically;
 use crate::bake::{Control, Prepared, Unmoved};
-use crate::report::{Curve as Line, Plot};
 use crate::{Error, Result};
 
 use super::contestant::{AtOneSetting, Builds, Contestant, Entrant};
@@ -31,7 +30,7 @@ pub struct Race {
 }
 
 /// Settings at which threads are compared: one that is typical for each method.
-const TYPICAL: [(&str, f64); 4] = [("isolines", 256.0), ("exact", 0.0), ("qmc", 1024.0), ("embree", 1024.0)];
+pub(super) const TYPICAL: [(&str, f64); 4] = [("isolines", 256.0), ("exact", 0.0), ("qmc", 1024.0), ("embree", 1024.0)];
 
 /// Races over `tracks` for `quantities`, on the first number of `threads`; on the others each method runs once more, at one
 /// typical setting, for the occlusion. After every event the tables and plots of all so far are written into `folder`, which is made if it
@@ -121,7 +120,7 @@ impl Race {
     }
 
     /// Rows of the main number of threads, scene by scene and quantity by quantity.
-    fn events(&self) -> Vec<Vec<&Row>> {
+    pub(super) fn events(&self) -> Vec<Vec<&Row>> {
         let mut events: Vec<Vec<&Row>> = Vec::new();
         let main = self.rows.first().map(|row| row.threads);
         for row in self.rows.iter().filter(|row| Some(row.threads) == main) {
@@ -131,6 +130,19 @@ impl Race {
             }
         }
         events
+    }
+
+    /// How many times as fast, on the clock, a row was as the same setting on the first number of threads; none if the values of either
+    /// do not count.
+    pub fn speed_up(&self, row: &Row) -> Option<f64> {
+        let main = self.rows.first()?.threads;
+        let before = self.rows.iter().find(|other| {
+            other.threads == main
+                && (&other.scene, other.quantity, &other.method) == (&row.scene, row.quantity, &row.method)
+                && other.count == row.count
+        })?;
+        let can_be_compared = before.counts() && row.counts() && before.clock > 0.0 && row.clock > 0.0;
+        can_be_compared.then(|| before.clock / row.clock)
     }
 
     /// Times at equal error, event by event.
@@ -159,7 +171,7 @@ impl Race {
     pub fn csv(&self) -> String {
         let mut text = String::from(
             "scene,triangles,quantity,method,setting,threads,receivers,build_s,us_per_receiver,planning_us_per_receiver,\
-             rmse,worst,stated_rms,verdict\n",
+             clock_us_per_receiver,speed_up,rmse,worst,stated_rms,verdict\n",
         );
         for row in &self.rows {
             let verdict = match &row.verdict {
@@ -168,7 +180,7 @@ impl Race {
             };
             let _ = writeln!(
                 text,
-                "{},{},{},{},{},{},{},{:.4},{:.4},{:.4},{:.3e},{:.3e},{:.3e},{}",
+                "{},{},{},{},{},{},{},{:.4},{:.4},{:.4},{:.4},{},{:.3e},{:.3e},{:.3e},{}",
                 quoted(&row.scene),
                 row.triangles,
                 row.quantity,
@@ -179,6 +191,8 @@ impl Race {
                 row.build_seconds,
                 1e6 * row.seconds,
                 1e6 * row.planning,
+                1e6 * row.clock,
+                self.speed_up(row).map_or(String::new(), |ratio| format!("{ratio:.3}")),
                 row.rmse,
                 row.worst,
                 row.stated,
@@ -197,6 +211,7 @@ impl Race {
         );
         self.write_targets(&mut text);
         self.write_times(&mut text);
+        self.write_threads(&mut text);
         self.write_builds(&mut text);
         self.write_gains(&mut text);
         let bad: Vec<&Row> = self.rows.iter().filter(|row| !row.counts()).collect();
@@ -294,6 +309,33 @@ impl Race {
         }
     }
 
+    fn write_threads(&self, text: &mut String) {
+        let Some(first) = self.rows.first().map(|row| row.threads) else { return };
+        let mut lines = String::new();
+        for row in self.rows.iter().filter(|row| row.threads != first) {
+            let Some(ratio) = self.speed_up(row) else { continue };
+            let _ = writeln!(
+                lines,
+                "| {} | {} | {} | {} | {} | {} | {ratio:.2} | {:.0} % |",
+                row.scene,
+                row.method,
+                row.setting,
+                row.threads,
+                significant(1e6 * ratio * row.clock),
+                significant(1e6 * row.clock),
+                100.0 * ratio * first as f64 / row.threads as f64
+            );
+        }
+        if !lines.is_empty() {
+            let _ = write!(
+                text,
+                "\n## Threads\n\nOcclusion at one setting of each method, microseconds a receiver on the clock, beside those of \
+                 the same setting on {first}.\n\n| scene | method | setting | threads | time on {first} | time | speed-up | of the ideal |\n\
+                 |---|---|---|--:|--:|--:|--:|--:|\n{lines}"
+            );
+        }
+    }
+
     fn write_builds(&self, text: &mut String) {
         text.push_str("\n## Build\n\nSeconds from nothing, the dearest setting's tables included.\n\n");
         text.push_str("| scene | triangles | method | seconds |\n|---|--:|---|--:|\n");
@@ -334,92 +376,6 @@ impl Race {
             );
         }
     }
-
-    /// Every plot with the name of its file.
-    fn plots(&self) -> Vec<(String, Plot)> {
-        let mut plots = Vec::new();
-        for rows in self.events() {
-            let first = rows[0];
-            let by_method = |row: &Row| Some((row.method.clone(), (1e6 * row.total(), row.rmse)));
-            plots.push((
-                format!("{}_{}", slug(&first.scene), slug(&first.quantity.to_string())),
-                Plot {
-                    title: format!("{}, {} triangles, {}", first.scene, first.triangles, first.quantity),
-                    x: "microseconds per receiver".into(),
-                    y: "RMSE".into(),
-                    curves: lines(rows.iter().copied().filter(|row| row.is_point()).filter_map(by_method)),
-                },
-            ));
-        }
-        let comparisons = self.comparisons();
-        for &quantity in &Quantity::ALL {
-            let mut wanted: Vec<(usize, &Comparison)> = comparisons
-                .iter()
-                .filter(|comparison| comparison.quantity == quantity && comparison.error == 1e-3)
-                .filter_map(|comparison| {
-                    let row = self.rows.iter().find(|row| row.scene == comparison.scene)?;
-                    Some((row.triangles, comparison))
-                })
-                .collect();
-            let family: Vec<_> = wanted.iter().copied().filter(|(_, c)| c.scene.starts_with("knots")).collect();
-            if family.len() > 1 {
-                wanted = family;
-            }
-            wanted.sort_by_key(|(triangles, _)| *triangles);
-            if wanted.len() > 1 {
-                let points = wanted.iter().flat_map(|(triangles, comparison)| {
-                    let point = |time: f64| (*triangles as f64, 1e6 * time);
-                    comparison.times.iter().map(move |(name, time)| (name.clone(), point(time.seconds)))
-                });
-                plots.push((
-                    format!("triangles_{}", slug(&quantity.to_string())),
-                    Plot {
-                        title: format!("{quantity} at an RMSE of 1e-3"),
-                        x: "triangles".into(),
-                        y: "microseconds per receiver".into(),
-                        curves: lines(points),
-                    },
-                ));
-            }
-        }
-        let threads: Vec<usize> = self.rows.iter().map(|row| row.threads).collect();
-        if threads.iter().any(|count| *count != threads[0]) {
-            let is_typical = |row: &&Row| {
-                row.quantity == Quantity::Occlusion
-                    && TYPICAL.contains(&(row.method.as_str(), row.count))
-                    && row.is_point()
-            };
-            let scene = self.rows.iter().filter(is_typical).max_by_key(|row| row.triangles).map(|row| &row.scene);
-            if let Some(scene) = scene {
-                let mut rows: Vec<&Row> =
-                    self.rows.iter().filter(is_typical).filter(|row| row.scene == *scene).collect();
-                rows.sort_by_key(|row| row.threads);
-                let point = |row: &Row| (row.method.clone(), (row.threads as f64, 1e6 * row.seconds));
-                plots.push((
-                    "threads".into(),
-                    Plot {
-                        title: format!("AO in {scene}: 256 isolines, exact, 1024 rays"),
-                        x: "threads".into(),
-                        y: "microseconds per receiver".into(),
-                        curves: lines(rows.into_iter().map(point)),
-                    },
-                ));
-            }
-        }
-        plots
-    }
-}
-
-/// One line for each name, in the order of first appearance.
-fn lines(points: impl Iterator<Item = (String, (f64, f64))>) -> Vec<Line> {
-    let mut lines: Vec<Line> = Vec::new();
-    for (name, point) in points {
-        match lines.iter_mut().find(|line| line.name == name) {
-            Some(line) => line.points.push(point),
-            None => lines.push(Line { name, points: vec![point] }),
-        }
-    }
-    lines
 }
 
 /// A number in three significant digits.
@@ -431,11 +387,4 @@ fn significant(x: f64) -> String {
 /// A field of a table of comma-separated values.
 fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.into() }
-}
-
-/// A name fit for a file.
-fn slug(name: &str) -> String {
-    let kept: String =
-        name.chars().map(|c| if c.is_alphanumeric() || c == '_' || c == '-' { c } else { ' ' }).collect();
-    kept.split_whitespace().collect::<Vec<_>>().join("_").to_lowercase()
 }

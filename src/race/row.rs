@@ -23,6 +23,8 @@ pub struct Row {
     pub build_seconds: f64,
     /// Seconds per receiver: of the processor on one thread, on the clock on several. The least of all repeats.
     pub seconds: f64,
+    /// Seconds per receiver on the clock, the least of all repeats: by these, numbers of threads are compared.
+    pub clock: f64,
     /// Seconds per receiver of a whole bake that planning takes; only `auto` plans.
     pub planning: f64,
     /// Root mean square of the difference from the reference.

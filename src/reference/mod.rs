@@ -6,6 +6,7 @@ mod embree;
 mod embree_variant;
 #[cfg(test)]
 mod fixtures;
+mod hit;
 mod pixel_distribution;
 mod qmc;
 mod rays;
@@ -15,8 +16,9 @@ mod sobol;
 #[cfg(feature = "embree")]
 pub use embree::{EmbreeMemory, EmbreeQmc, EmbreeScene};
 pub use embree_variant::{EmbreeKernel, EmbreeQuality, EmbreeVariant};
+pub use hit::{Hit, first_hit};
 pub use pixel_distribution::PixelDistribution;
 pub use qmc::Qmc;
-pub use rays::{Hit, RayScene};
+pub use rays::RayScene;
 pub use request::{Columns, Estimates, Light, Request};
 pub use sobol::Sobol;

@@ -5,6 +5,7 @@ use obvhs::bvh2::Bvh2;
 use smallvec::SmallVec;
 
 use super::crossing::Triangle;
+use super::hit::{Hit, Nearest};
 use crate::scene::{Geometry, grow_tree};
 
 /// A scene ready for ray casting.
@@ -17,17 +18,6 @@ pub struct RayScene {
     nodes: Vec<Node>,
     /// In the order of the leaves.
     triangles: Vec<Triangle>,
-}
-
-/// The first surface along a ray.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hit {
-    /// Index of the triangle.
-    pub face: u32,
-    /// Distance from the origin.
-    pub t: f64,
-    /// Weights of the triangle's corners, which sum to one.
-    pub barycentric: [f64; 3],
 }
 
 fn corners(geometry: &Geometry, vertices: &[u32; 3]) -> [[f32; 3]; 3] {
@@ -132,19 +122,14 @@ impl RayScene {
     /// The nearest triangle along the ray from `origin` along the unit vector `direction` that is not `excluded`; of
     /// triangles at the same distance the one with the lowest index.
     pub fn first_hit(&self, origin: DVec3, direction: DVec3, excluded: &[u32]) -> Option<Hit> {
-        let mut hit: Option<Hit> = None;
-        self.traverse(origin, direction, |triangle, limit| {
-            let Some(crossing) = triangle.cross(origin, direction) else { return limit };
-            let face = triangle.face;
-            let nearer = hit.is_none_or(|hit| (crossing.t, face) < (hit.t, hit.face));
-            if !nearer || excluded.contains(&face) {
-                return limit;
+        let mut nearest = Nearest::default();
+        self.traverse(origin, direction, |triangle, _| {
+            if !excluded.contains(&triangle.face) {
+                nearest.offer(triangle, origin, direction);
             }
-            hit = Some(Hit { face, t: crossing.t, barycentric: crossing.barycentric });
-            // The boxes' distances round otherwise than the triangles'.
-            crossing.t * (1.0 + 1e-12)
+            nearest.limit()
         });
-        hit
+        nearest.hit()
     }
 
     /// W: how many triangles that are not `excluded` the ray from `origin` along the unit vector `direction` crosses, each once.
@@ -259,6 +244,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::reference::first_hit;
     use crate::reference::fixtures::{cuboid, geometry, polygon, random, soup, sphere, union};
 
     /// All triangles one after another.
@@ -277,10 +263,11 @@ mod tests {
     }
 
     fn assert_twins(geometry: &Geometry, rays: impl IntoIterator<Item = (DVec3, DVec3)>) {
-        let scene = RayScene::new(geometry);
+        let (scene, faces) = (RayScene::new(geometry), geometry.face_tree());
         for (origin, direction) in rays {
             let none: &[u32] = &[];
             let (_, first) = brute_force(geometry, origin, direction, none);
+            assert_eq!(first_hit(&faces, origin, direction), first, "{origin} {direction}");
             let nearest = first.map(|hit| vec![hit.face]).unwrap_or_default();
             for excluded in [none, &nearest] {
                 let (count, hit) = brute_force(geometry, origin, direction, excluded);

@@ -2,19 +2,24 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Picture;
-use crate::reference::RayScene;
-use crate::scene::{Camera, Environment, Geometry};
+use crate::reference::first_hit;
+use crate::scene::{Camera, Environment, FaceTree, Geometry};
 
 /// A picture of a bake as its user will see it: radiance at the vertices (one RGB for each, albedo not included),
-/// interpolated over the faces, before the environment.
-pub fn preview(geometry: &Geometry, radiance: &[[f64; 3]], environment: &Environment, camera: &Camera) -> Picture {
+/// interpolated over the faces, before the environment. `faces` is the tree over the triangles of `geometry`.
+pub fn preview(
+    geometry: &Geometry,
+    faces: &FaceTree,
+    radiance: &[[f64; 3]],
+    environment: &Environment,
+    camera: &Camera,
+) -> Picture {
     /// Rays through a pixel, along each of its sides.
     const GRID: u32 = 2;
-    let rays = RayScene::new(geometry);
     let [width, height] = camera.resolution();
     let shade = |x: f64, y: f64| -> DVec3 {
         let direction = camera.direction(x, y);
-        let Some(hit) = rays.first_hit(camera.position(), direction, &[]) else {
+        let Some(hit) = first_hit(faces, camera.position(), direction) else {
             return environment.radiance(direction).as_dvec3();
         };
         let corners = geometry.triangles[hit.face as usize];

@@ -47,7 +47,10 @@ impl FaceGroups {
             }
         }
         starts.push(order.len() as u32);
-        Self { faces: order.into_iter().map(|(_, face)| face).collect(), starts }
+        let mut faces: Vec<u32> = order.into_iter().map(|(_, face)| face).collect();
+        // They stand in the memory of the pairs, four times as large, which would be kept.
+        faces.shrink_to_fit();
+        Self { faces, starts }
     }
 }
 

@@ -61,6 +61,33 @@ impl FaceTree {
         self.descend(tree, |node| slab.meets(node), &mut visit);
     }
 
+    /// Calls `visit` with faces that the ray from `origin` along the unit vector `direction` may meet, near boxes first. `visit`
+    /// returns the distance beyond which it wants no more: infinity for all, the nearest hit's for that one.
+    pub fn visit_ordered(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32) -> f64) {
+        let Some((tree, scale)) = &self.tree else { return };
+        let slab = Slab::new(origin * *scale, direction);
+        let enter = |index: u32| slab.enter(&tree.nodes[index as usize]).map(|near| (index, near));
+        let mut limit = f64::INFINITY;
+        let mut stack = SmallVec::<[(u32, f64); 64]>::from_iter(enter(0));
+        while let Some((index, near)) = stack.pop() {
+            if near > limit {
+                continue;
+            }
+            let node = &tree.nodes[index as usize];
+            if node.is_leaf() {
+                for face in self.faces_of(tree, node) {
+                    limit = visit(face) * scale;
+                }
+                continue;
+            }
+            let first = node.first_index;
+            match (enter(first), enter(first + 1)) {
+                (Some(a), Some(b)) => stack.extend(if a.1 <= b.1 { [b, a] } else { [a, b] }),
+                (a, b) => stack.extend(a.or(b)),
+            }
+        }
+    }
+
     /// Calls `visit` with every face whose box holds `point`, or nearly does, in no particular order.
     pub fn visit_around(&self, point: DVec3, mut visit: impl FnMut(u32)) {
         let Some((tree, scale)) = &self.tree else { return };
@@ -85,13 +112,9 @@ impl FaceTree {
         while let Some(index) = stack.pop() {
             let node = &tree.nodes[index as usize];
             if node.is_leaf() {
-                let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
-                for &group in &tree.primitive_indices[range] {
-                    let [start, end] = [0, 1].map(|next| self.groups.starts[group as usize + next] as usize);
-                    for &face in &self.groups.faces[start..end] {
-                        if visit(face).is_break() {
-                            return;
-                        }
+                for face in self.faces_of(tree, node) {
+                    if visit(face).is_break() {
+                        return;
                     }
                 }
                 continue;
@@ -103,6 +126,15 @@ impl FaceTree {
                 }
             }
         }
+    }
+
+    /// The faces in a leaf.
+    fn faces_of(&self, tree: &Bvh2, leaf: &Bvh2Node) -> impl Iterator<Item = u32> {
+        let range = leaf.first_index as usize..(leaf.first_index + leaf.prim_count) as usize;
+        tree.primitive_indices[range].iter().flat_map(|&group| {
+            let [start, end] = [0, 1].map(|next| self.groups.starts[group as usize + next] as usize);
+            self.groups.faces[start..end].iter().copied()
+        })
     }
 }
 
@@ -138,6 +170,8 @@ pub(crate) fn grow_tree(bounds: Vec<[[f32; 3]; 2]>, leaf: u32) -> (Bvh2, f64) {
     tree.max_depth = tree.max_depth.max(tree.depth(0) + 1);
     let second = parameters.reinsertion_batch_ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier;
     optimizer.run(&mut tree, second, None);
+    // Only the optimizer looks at these.
+    tree.parents = Vec::new();
     (tree, scale)
 }
 
@@ -171,9 +205,15 @@ impl Slab {
 
     #[inline(always)]
     fn meets(&self, node: &Bvh2Node) -> bool {
+        self.enter(node).is_some()
+    }
+
+    /// Where the ray enters a box that it meets, or earlier.
+    #[inline(always)]
+    fn enter(&self, node: &Bvh2Node) -> Option<f64> {
         let a = (node.min.as_dvec3() - self.low) * self.inverse;
         let b = (node.max.as_dvec3() - self.high) * self.inverse;
         let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
-        near <= far * (1.0 + SLACK)
+        (near <= far * (1.0 + SLACK)).then_some(near)
     }
 }
