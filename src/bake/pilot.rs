@@ -55,6 +55,8 @@ const REPEATS: usize = 3;
 const CAUTION: f64 = 1.4;
 /// Counts beyond this many times the finer level are looked at before they are believed.
 const TRUSTED: f64 = 2.0;
+/// A second look may take this share of the time expected for all.
+const LOOK: f64 = 0.1;
 /// Who judges others must have so many times as small an error.
 const JUDGE: f64 = 4.0;
 /// Where nothing better is known, rays are compared with so many times as many.
@@ -175,11 +177,20 @@ impl<'a> Pilot<'a> {
         self.lines.is_some_and(|law| JUDGE * law.error(law.levels[1].count) < error)
     }
 
-    /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured.
-    pub(super) fn look_again(&self, promised: &Candidate, aim: f64, all: usize) -> Result<Option<Candidate>> {
+    /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured, and if looking
+    /// takes little beside `best` seconds.
+    pub(super) fn look_again(
+        &self,
+        promised: &Candidate,
+        aim: f64,
+        all: usize,
+        best: f64,
+    ) -> Result<Option<Candidate>> {
         let Some(law) = self.lines.filter(|_| promised.family == Family::Isolines) else { return Ok(None) };
         let [_, fine] = law.levels;
-        if f64::from(promised.count) <= TRUSTED * fine.count {
+        let count = f64::from(promised.count);
+        let cost = law.build(count) + self.receivers() as f64 * law.seconds(count);
+        if count <= TRUSTED * fine.count || cost > LOOK * best {
             return Ok(None);
         }
         let (finer, finer_values) = self.level(Family::Isolines, promised.count)?;
@@ -354,6 +365,14 @@ mod tests {
         // Without an error at the finer level the stated ones tell how it falls.
         let one = Law::new(Family::Qmc, [level(64.0), Level { rmse: 0.0, ..level(512.0) }]);
         assert_eq!(one.candidate(2.0 * 2f64.powf(-9.0), 1000).count, 4096);
+        // Tables of light grow with the square of the lines; nothing is known to shrink.
+        let built = |count: f64, square: f64| Level { build: 0.05 + square * count.powi(2), ..level(count) };
+        for square in [0.0, 2e-6] {
+            let law = Law::new(Family::Isolines, [built(32.0, square), built(128.0, square)]);
+            assert!((law.build(4096.0) / built(4096.0, square).build - 1.0).abs() < 1e-9, "{square}");
+        }
+        let law = Law::new(Family::Isolines, [built(32.0, 1e-3), built(128.0, 0.0)]);
+        assert_eq!(law.build(4096.0), 0.05);
         // Nothing wrong: the least that makes sense.
         let right = Level { rmse: 0.0, stated: 0.0, ..level(64.0) };
         assert_eq!(Law::new(Family::Isolines, [right, right]).candidate(1e-3, 10).count, 4);

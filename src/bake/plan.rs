@@ -203,8 +203,16 @@ impl Law {
         self.family.round((self.scale() / error).powf(1.0 / self.exponent))
     }
 
+    /// Seconds of building what `count` lines or samples need: a fixed part and one in proportion to the count's square, for tables of light
+    /// grow like that.
+    pub(super) fn build(&self, count: f64) -> f64 {
+        let [coarse, fine] = self.levels;
+        let slope = (fine.build - coarse.build) / (fine.count.powi(2) - coarse.count.powi(2));
+        (fine.build + slope.max(0.0) * (count.powi(2) - fine.count.powi(2))).max(0.0)
+    }
+
     /// Seconds of one receiver: a fixed part and one in proportion to the count.
-    fn seconds(&self, count: f64) -> f64 {
+    pub(super) fn seconds(&self, count: f64) -> f64 {
         let [coarse, fine] = self.levels;
         let slope = ((fine.seconds - coarse.seconds) / (fine.count - coarse.count)).max(0.0);
         // Below the coarse level nothing is known to be cheaper than in proportion.
@@ -220,13 +228,12 @@ impl Law {
 
     /// So many lines or samples, of which this error is expected.
     pub(super) fn candidate_of(&self, count: u32, expected_error: f64, receivers: usize) -> Candidate {
-        let [coarse, fine] = self.levels;
-        let build = fine.build * f64::from(count) / fine.count;
+        let [coarse, _] = self.levels;
         Candidate {
             family: self.family,
             count,
             expected_error,
-            expected_seconds: build + receivers as f64 * self.seconds(f64::from(count)),
+            expected_seconds: self.build(f64::from(count)) + receivers as f64 * self.seconds(f64::from(count)),
             share_of_stated: if coarse.stated > 0.0 { coarse.rmse / coarse.stated } else { 1.0 },
         }
     }
@@ -333,7 +340,7 @@ impl Prepared<'_> {
         }
         if let Some(at) = candidates.iter().position(|candidate| candidate.family == Family::Isolines)
             && candidates[at].expected_seconds < DOUBT * candidates[0].expected_seconds
-            && let Some(better_known) = pilot.look_again(&candidates[at], aim, all)?
+            && let Some(better_known) = pilot.look_again(&candidates[at], aim, all, candidates[0].expected_seconds)?
         {
             candidates[at] = better_known;
             rank(&mut candidates, goal.error);
