@@ -373,6 +373,8 @@ mod tests {
         }
         let law = Law::new(Family::Isolines, [built(32.0, 1e-3), built(128.0, 0.0)]);
         assert_eq!(law.build(4096.0), 0.05);
+        let law = Law::new(Family::Qmc, [built(64.0, 0.0), built(512.0, 2e-6)]);
+        assert_eq!(law.build(65536.0), built(512.0, 2e-6).build, "what differs between rays is noise");
         // Nothing wrong: the least that makes sense.
         let right = Level { rmse: 0.0, stated: 0.0, ..level(64.0) };
         assert_eq!(Law::new(Family::Isolines, [right, right]).candidate(1e-3, 10).count, 4);

@@ -203,10 +203,13 @@ impl Law {
         self.family.round((self.scale() / error).powf(1.0 / self.exponent))
     }
 
-    /// Seconds of building what `count` lines or samples need: a fixed part and one in proportion to the count's square, for tables of light
-    /// grow like that.
+    /// Seconds of building what `count` lines or samples need: for lines a fixed part and one in proportion to the count's square, for
+    /// tables of light grow like that; for rays nothing grows.
     pub(super) fn build(&self, count: f64) -> f64 {
         let [coarse, fine] = self.levels;
+        if self.family != Family::Isolines {
+            return fine.build;
+        }
         let slope = (fine.build - coarse.build) / (fine.count.powi(2) - coarse.count.powi(2));
         (fine.build + slope.max(0.0) * (count.powi(2) - fine.count.powi(2))).max(0.0)
     }
