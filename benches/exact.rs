@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use criterion::{Criterion, criterion_group, criterion_main};
 use scene::{Case, group};
 use silhouette::sphere::Order;
-use silhouette::visibility::{View, Viewer};
+use silhouette::visibility::{Skips, View, Viewer};
 
 /// Scene and receivers timed.
 const SCENES: [(&str, usize); 5] =
@@ -19,7 +19,7 @@ const SCENES: [(&str, usize); 5] =
 const TOLERANCE: f64 = 1e-9;
 
 /// The steps of one receiver's life: the search is its tile's, shared.
-const STEPS: [&str; 4] = ["search", "projection", "region", "integrals"];
+const STEPS: [&str; 3] = ["search", "region", "integrals"];
 
 struct Engine<'a> {
     case: &'a Case,
@@ -27,7 +27,8 @@ struct Engine<'a> {
     view: View,
     order: Order,
     /// What each step has taken.
-    steps: [Duration; 4],
+    steps: [Duration; 3],
+    skips: Skips,
 }
 
 impl Engine<'_> {
@@ -41,16 +42,14 @@ impl Engine<'_> {
             *step += now - clock;
             clock = now;
         };
-        let [search, projection, solution, integrals] = &mut self.steps;
+        let [search, solution, integrals] = &mut self.steps;
         for tile in tiles {
             let receivers = tile.iter().map(|&i| self.case.receivers.get(i as usize));
             self.viewer.approach(receivers.clone(), &mut self.view);
             self.viewer.search(&mut self.view);
             lap(search);
             for receiver in receivers {
-                self.viewer.face(receiver, &mut self.view);
-                lap(projection);
-                let region = self.viewer.solve(0, receiver, &mut self.view);
+                let region = self.viewer.solve(0, receiver, self.skips, &mut self.view);
                 lap(solution);
                 assert!(!region.residuals().alarm(), "{:?}", region.residuals());
                 region.harmonics(self.order, &mut row);

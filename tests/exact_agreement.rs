@@ -9,7 +9,7 @@ use scenes::{rms, run, values};
 use silhouette::bake::{Method, Receivers};
 use silhouette::scene::{FaceTree, Geometry, Scene};
 use silhouette::sphere::Order;
-use silhouette::visibility::{View, Viewer};
+use silhouette::visibility::{Skips, View, Viewer};
 
 /// A built-in scene, and some of its vertices, far from each other.
 fn scene(name: &str, count: usize) -> (Geometry, Receivers) {
@@ -62,9 +62,8 @@ fn frames_agree(name: &str, count: usize) {
     for i in 0..receivers.len() {
         let receiver = receivers.get(i);
         viewer.approach(std::iter::once(receiver), &mut view);
-        viewer.face(receiver, &mut view);
         let mut answer = |frame| {
-            let region = viewer.solve(frame, receiver, &mut view);
+            let region = viewer.solve(frame, receiver, Skips::default(), &mut view);
             assert!(!region.residuals().alarm(), "{name}: {:?}", region.residuals());
             let mut numbers = vec![0.0; order.len()];
             region.harmonics(order, &mut numbers);

@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use crate::sphere::Order;
-use crate::visibility::{Receiver, View, Viewer};
+use crate::visibility::{Receiver, Skips, View, Viewer};
 
 /// Derivatives of the harmonics of V by the receiver's position.
 #[derive(Clone, Debug, Default)]
@@ -39,12 +39,13 @@ impl Gradients {
         viewer: Viewer,
         receiver: Receiver,
         step: f64,
+        skips: Skips,
         view: &mut View,
     ) {
         let [coarse, fine] = [step, 0.5 * step].map(|step| {
             DVec3::AXES.map(|axis| {
                 let ends = [step, -step].map(|by| {
-                    harmonics_at(bands, viewer, Receiver { position: receiver.position + by * axis, ..receiver }, view)
+                    harmonics_at(bands, viewer, Receiver { position: receiver.position + by * axis, ..receiver }, skips, view)
                 });
                 let [Some(ahead), Some(behind)] = ends else { return None };
                 Some(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * step)).collect::<Vec<f64>>())
@@ -70,11 +71,10 @@ impl Gradients {
 }
 
 /// Harmonics of V by the exact method, in one of two frames; none if both raise an alarm.
-fn harmonics_at(bands: Order, viewer: Viewer, receiver: Receiver, view: &mut View) -> Option<Vec<f64>> {
+fn harmonics_at(bands: Order, viewer: Viewer, receiver: Receiver, skips: Skips, view: &mut View) -> Option<Vec<f64>> {
     viewer.approach(std::iter::once(receiver), view);
-    viewer.face(receiver, view);
     (0..2).find_map(|frame| {
-        let region = viewer.solve(frame, receiver, view);
+        let region = viewer.solve(frame, receiver, skips, view);
         let mut harmonics = vec![0.0; bands.len()];
         region.harmonics(bands, &mut harmonics);
         (!region.residuals().alarm() && harmonics.iter().all(|h| h.is_finite())).then_some(harmonics)

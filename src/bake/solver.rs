@@ -254,10 +254,11 @@ impl<'a> Solver<'a> {
     /// Solves exactly; returns whether an alarm fired.
     fn exactly(&self, frame: u32, receiver: Receiver, memory: &mut Memory, counts: &mut Counts) -> bool {
         let Memory { view, seen, gradients, .. } = memory;
-        self.viewer.face(receiver, view);
-        counts.contours = view.contours().arcs.len() as u64;
-        let has_contours = !view.contours().arcs.is_empty();
-        let region = self.viewer.solve(frame, receiver, view);
+        self.viewer.solve(frame, receiver, self.skips, view);
+        counts.contours = view.counts().above as u64;
+        counts.hidden_bodies = view.counts().hidden as u64;
+        let has_contours = view.counts().above > 0;
+        let region = view.region();
         let residuals = region.residuals();
         if !has_contours {
             counts.open += u64::from(region.solid_angle() > 0.0);
@@ -299,7 +300,7 @@ impl<'a> Solver<'a> {
         let (Some(bands), Some([low, high])) = (self.assembly.bands, self.prepared.geometry().bounds()) else { return };
         let step = STEP * low.as_dvec3().distance(high.as_dvec3());
         let Memory { gradients, aside, .. } = memory;
-        gradients.take_differences(bands, self.viewer, receiver, step, aside);
+        gradients.take_differences(bands, self.viewer, receiver, step, self.skips, aside);
     }
 
     /// Solves by rays, which raise no alarm.

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::reference::RayScene;
 use crate::scene::{FaceTree, Geometry};
 use crate::sphere::BoundaryArc;
-use crate::visibility::{Receiver, View, Viewer};
+use crate::visibility::{Receiver, Skips, View, Viewer};
 
 /// Pixels along a side.
 const SIZE: usize = 768;
@@ -59,8 +59,7 @@ fn boundary(geometry: &Geometry, receiver: Receiver) -> Result<Vec<BoundaryArc>>
     let viewer = Viewer { edges: &edges, faces: &faces };
     let mut view = View::default();
     viewer.approach(std::iter::once(receiver), &mut view);
-    viewer.face(receiver, &mut view);
-    Ok(viewer.solve(0, receiver, &mut view).boundary().to_vec())
+    Ok(viewer.solve(0, receiver, Skips::default(), &mut view).boundary().to_vec())
 }
 
 /// Lambert's azimuthal projection onto the picture.

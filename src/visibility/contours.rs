@@ -1,3 +1,6 @@
+use std::ops::Range;
+
+use dual_bvh::{Candidates, Contours};
 use glam::DVec3;
 
 /// A contour edge projected onto the sphere around a receiver: the great-circle arc from vertex `a` to vertex `b`.
@@ -37,7 +40,7 @@ pub struct ReceiverContours {
     pub heights: Vec<f64>,
     /// Arcs with a non-zero jump. Above the horizon every vertex is balanced: jumps of incoming and outgoing arcs agree.
     pub arcs: Vec<Arc>,
-    /// Heights of all candidates' vertices, and their places among the directions.
+    /// Heights of the candidates' vertices at hand, and their places among the directions.
     all_heights: Vec<f64>,
     places: Vec<u32>,
 }
@@ -46,34 +49,41 @@ pub struct ReceiverContours {
 const UNSEEN: u32 = u32::MAX;
 
 impl ReceiverContours {
-    /// Projects the contours found among the candidates of a tile; arcs that lie below the horizon are left out, and vertices
-    /// that no other arc has.
-    pub fn project(
-        &mut self,
-        candidates: &dual_bvh::Candidates,
-        contours: &dual_bvh::Contours,
-        position: DVec3,
-        normal: Option<DVec3>,
-    ) {
+    /// Forgets all contours.
+    pub(super) fn clear(&mut self) {
         self.directions.clear();
         self.heights.clear();
         self.arcs.clear();
+    }
+
+    /// Adds the projections of the contours found among the candidates of a tile, all of which have their ends among these vertices;
+    /// arcs that lie below the horizon are left out, and vertices that no other arc has.
+    pub(super) fn project(
+        &mut self,
+        candidates: &Candidates,
+        vertices: Range<usize>,
+        contours: &Contours,
+        position: DVec3,
+        normal: Option<DVec3>,
+    ) {
         self.places.clear();
-        self.places.resize(candidates.vertices().len(), UNSEEN);
+        self.places.resize(vertices.len(), UNSEEN);
         self.all_heights.clear();
-        self.all_heights.resize(candidates.vertices().len(), 1.0);
+        self.all_heights.resize(vertices.len(), 1.0);
         if let Some(normal) = normal {
-            measure(candidates.coordinates(), position, normal, &mut self.all_heights);
+            let coordinates = candidates.coordinates().map(|lanes| &lanes[vertices.clone()]);
+            measure(coordinates, position, normal, &mut self.all_heights);
         }
+        let first = vertices.start as u32;
         for contour in contours.edges() {
             let edge = &candidates.edges()[contour.edge as usize];
-            let heights = [edge.a, edge.b].map(|vertex| self.all_heights[vertex as usize]);
+            let heights = [edge.a, edge.b].map(|vertex| self.all_heights[(vertex - first) as usize]);
             if (heights[0] < 0.0) & (heights[1] < 0.0) {
                 continue;
             }
             let [xa, xb] = [edge.a, edge.b].map(|vertex| candidates.position(vertex));
-            let a = self.enter(edge.a, xa - position, heights[0]);
-            let b = self.enter(edge.b, xb - position, heights[1]);
+            let a = self.enter(edge.a - first, xa - position, heights[0]);
+            let b = self.enter(edge.b - first, xb - position, heights[1]);
             self.arcs.push(Arc { a, b, jump: contour.jump, plane: arc_plane(xa - position, xa, xb) });
         }
     }

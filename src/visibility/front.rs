@@ -2,8 +2,10 @@ use glam::{DVec3, Vec3};
 
 use super::chart::{Chart, Outlook, Sector};
 use super::gaps::Gaps;
+use crate::sphere::BoundaryArc;
 
-/// The gaps of one receiver's isolines, against which boxes are tested in single precision: a sector of a plane each, or a few.
+/// The gaps of one receiver's isolines, or other arcs, against which boxes are tested in single precision: a sector of a plane each, or
+/// a few.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Front {
     sectors: Vec<Sector>,
@@ -34,11 +36,28 @@ impl Front {
     pub(super) fn take<C: Chart>(&mut self, outlook: Outlook<C>, gaps: &Gaps) {
         self.sectors.clear();
         gaps.each(|line, from, to| outlook.chart.sectors(line, from, to, |sector| self.sectors.push(sector)));
+        self.arrange([outlook.axes.x_axis, outlook.axes.y_axis, outlook.axes.z_axis].map(|axis| axis.as_vec3()));
+    }
+
+    /// Takes arcs of great circles, each shorter than half of one.
+    pub(super) fn take_arcs(&mut self, arcs: &[BoundaryArc]) {
+        self.sectors.clear();
+        self.sectors.extend(arcs.iter().map(|arc| {
+            let (sum, chord) = (arc.start + arc.end, arc.end - arc.start);
+            // Of two ways to the middle of the arc the one along the longer vector.
+            let out = if arc.start.dot(arc.end) > 0.0 { sum } else { chord.cross(arc.normal) }.normalize();
+            let tangent = (chord.length() / sum.dot(out)) as f32;
+            Sector { out: out.as_vec3(), along: arc.normal.cross(out).as_vec3(), tangents: [-tangent, tangent] }
+        }));
+        self.arrange(Vec3::AXES);
+    }
+
+    /// Arranges the sectors, given in these axes.
+    fn arrange(&mut self, axes: [Vec3; 3]) {
         // The last sector is repeated until all lanes are full.
         if let Some(&last) = self.sectors.last() {
             self.sectors.resize(self.sectors.len().next_multiple_of(LANES), last);
         }
-        let axes = [outlook.axes.x_axis, outlook.axes.y_axis, outlook.axes.z_axis].map(|axis| axis.as_vec3());
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
@@ -86,7 +105,7 @@ impl Front {
         self.sectors.len()
     }
 
-    /// Whether a box, given by its lowest and highest corner, may be met by one of the gaps: conservatively.
+    /// Whether a box, given by its lowest and highest corner, may be met by one of the gaps or arcs: conservatively.
     pub(super) fn meets(&self, position: DVec3, box_: [Vec3; 2]) -> bool {
         let look = Look::new(position, box_);
         #[cfg(target_arch = "x86_64")]

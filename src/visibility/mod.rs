@@ -16,6 +16,7 @@ mod sweep;
 mod trace;
 mod vertices;
 mod view;
+mod visible_set;
 
 pub use contours::{Arc, ReceiverContours};
 pub use crossings::Counts;

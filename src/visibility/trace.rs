@@ -25,6 +25,8 @@ pub(super) struct Tracer<P> {
     finals: Vec<i32>,
     front: Front,
     counts: Counts,
+    /// The groups that were put before the isolines, in this order.
+    entered: Vec<u32>,
     /// For each group the last receiver that it was put before, or hidden from.
     done: Vec<u32>,
     receiver: u32,
@@ -70,6 +72,19 @@ pub(super) struct Found<'a> {
     pub(super) contours: &'a mut Contours,
 }
 
+/// The depth complexity where W is counted, by group.
+fn depths<C: Chart>(look: Look<C>) -> SmallVec<[(u32, i32); 8]> {
+    let mut depths = SmallVec::<[(u32, i32); 8]>::new();
+    C::count(look.outlook, look.faces, look.wanted.excluded, |face, covers| {
+        let group = look.wanted.edges.group_of(face);
+        match depths.iter_mut().find(|(of, _)| *of == group) {
+            Some((_, depth)) => *depth += covers,
+            None => depths.push((group, covers)),
+        }
+    });
+    depths
+}
+
 impl<P: Copy> Tracer<P> {
     /// Begins with another tile.
     pub(super) fn begin(&mut self) {
@@ -84,14 +99,7 @@ impl<P: Copy> Tracer<P> {
     pub(super) fn trace<C: Chart<Piece = P>>(&mut self, look: Look<C>, found: &mut Found, spans: &mut Spans) -> Sight {
         let edges = look.wanted.edges;
         let outlook = look.outlook;
-        let mut depths = SmallVec::<[(u32, i32); 8]>::new();
-        C::count(outlook, look.faces, look.wanted.excluded, |face, covers| {
-            let group = edges.group_of(face);
-            match depths.iter_mut().find(|(of, _)| *of == group) {
-                Some((_, depth)) => *depth += covers,
-                None => depths.push((group, covers)),
-            }
-        });
+        let depths = depths(look);
         let depth: i32 = depths.iter().map(|(_, depth)| depth).sum();
         let lines = outlook.chart.lines();
         if !std::mem::replace(&mut self.has_credit, true) {
@@ -125,6 +133,13 @@ impl<P: Copy> Tracer<P> {
         sight.map_or(Sight::Part(Sweep { lines, depth_alarms }), |(sight, _)| sight)
     }
 
+    /// The groups of which something may be seen along the isolines, whatever it costs to tell.
+    pub(super) fn reach<C: Chart<Piece = P>>(&mut self, look: Look<C>, found: &mut Found) -> &[u32] {
+        self.credit = i64::MAX / 2;
+        self.walk(&depths(look), look, found);
+        &self.entered
+    }
+
     /// Chooses the contours of a group, searching it if that has not been done.
     fn choose<C: Chart<Piece = P>>(&mut self, group: u32, look: Look<C>, found: &mut Found) {
         let Found { searches, candidates, contours } = found;
@@ -139,6 +154,7 @@ impl<P: Copy> Tracer<P> {
     fn walk<C: Chart<Piece = P>>(&mut self, depths: &[(u32, i32)], look: Look<C>, found: &mut Found) -> bool {
         let edges = look.wanted.edges;
         self.counts = Counts::default();
+        self.entered.clear();
         C::horizons(look.outlook, &mut self.horizons);
         self.gaps.reset::<C>(&self.horizons);
         self.done.resize(edges.groups(), 0);
@@ -195,6 +211,7 @@ impl<P: Copy> Tracer<P> {
         let mut depth = 0;
         for group in groups {
             if std::mem::replace(&mut self.done[group as usize], self.receiver) != self.receiver {
+                self.entered.push(group);
                 self.choose(group, look, found);
                 depth += depths.iter().find(|(of, _)| *of == group).map_or(0, |&(_, depth)| depth);
             }

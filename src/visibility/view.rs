@@ -6,6 +6,7 @@ use super::depth::count_along;
 use super::exact::{self, Region};
 use super::searches::{Searches, Wanted};
 use super::trace::{Found, Look, Tracer};
+use super::visible_set::{Eye, VisibleSet};
 use super::{Counts, Frame, Isolines, MeridianFrame, Meridians, ReceiverContours, Skips, Spans};
 use crate::scene::FaceTree;
 
@@ -65,11 +66,12 @@ pub struct View {
     along_isolines: Tracer<<Isolines as Chart>::Piece>,
     spans: Spans,
     counts: Counts,
+    visible_set: VisibleSet,
     exact: exact::Scratch,
 }
 
 impl View {
-    /// Contours that the last receiver projected had above its horizon.
+    /// Contours that the region last solved was found from, above the receiver's horizon.
     pub fn contours(&self) -> &ReceiverContours {
         &self.projected
     }
@@ -79,7 +81,7 @@ impl View {
         &self.spans
     }
 
-    /// What became of that receiver's contours.
+    /// What became of the last receiver's contours.
     pub fn counts(&self) -> Counts {
         self.counts
     }
@@ -105,6 +107,7 @@ impl Viewer<'_> {
         view.searches.begin(self.edges, receivers.clone().count());
         view.along_meridians.begin();
         view.along_isolines.begin();
+        view.visible_set.begin();
         let tile = Tile::new(receivers.map(|r| (r.position, r.normal)));
         view.tile = Some(tile);
         view.is_searched = false;
@@ -120,11 +123,24 @@ impl Viewer<'_> {
         }
     }
 
-    /// Finds and projects all contours of a receiver among those approached, to [`solve`](Self::solve) then.
-    pub fn face(&self, Receiver { position, normal, excluded }: Receiver, view: &mut View) {
-        self.search(view);
-        view.candidates.contours(position, excluded, &mut view.contours);
-        view.projected.project(&view.candidates, &view.contours, position, normal);
+    /// Projects all contours of a receiver among those approached.
+    fn project(&self, receiver: Receiver, skips: Skips, view: &mut View) {
+        let Receiver { position, normal, excluded } = receiver;
+        view.projected.clear();
+        if self.edges.groups() == 1 {
+            self.search(view);
+            let View { candidates, contours, projected, .. } = view;
+            candidates.contours(position, excluded, contours);
+            projected.project(candidates, 0..candidates.vertices().len(), contours, position, normal);
+            return;
+        }
+        let wanted = self.wanted(receiver, skips, view.tile, &view.excluded, view.is_searched);
+        for group in 0..self.edges.groups() as u32 {
+            view.searches.share(group, wanted, &mut view.candidates);
+            let Some(part) = view.candidates.part(group) else { unreachable!("the group has been searched") };
+            view.candidates.contours_in(part, position, excluded, &mut view.contours);
+            view.projected.project(&view.candidates, part.vertices.clone(), &view.contours, position, normal);
+        }
     }
 
     /// What a receiver among those approached sees along the meridians: the [`View::spans`], if it sees a part.
@@ -160,19 +176,12 @@ impl Viewer<'_> {
         view: &mut View,
         tracer: impl Fn(&mut View) -> &mut Tracer<C::Piece>,
     ) -> Sight {
-        let Receiver { position, normal, excluded } = receiver;
+        let Receiver { position, normal, .. } = receiver;
         if view.tile.is_none() {
             self.approach(std::iter::once(receiver), view);
         }
         let mut taken = std::mem::take(tracer(view));
-        let wanted = Wanted {
-            edges: self.edges,
-            position,
-            horizon: if skips.below_horizon { normal } else { None },
-            excluded,
-            tile: view.tile.unwrap_or(Tile::lone(position, normal)).with_faces(&view.excluded),
-            is_searched: view.is_searched,
-        };
+        let wanted = self.wanted(receiver, skips, view.tile, &view.excluded, view.is_searched);
         let look = Look { faces: self.faces, outlook: Outlook { chart, axes, position, normal }, wanted, skips };
         let View { searches, candidates, contours, .. } = view;
         let sight = taken.trace(look, &mut Found { searches, candidates, contours }, &mut view.spans);
@@ -181,11 +190,73 @@ impl Viewer<'_> {
         sight
     }
 
-    /// What the receiver just faced sees, exactly: its visible region, solved in the chart numbered `frame`.
-    pub fn solve<'v>(&self, frame: u32, receiver: Receiver, view: &'v mut View) -> &'v Region {
+    fn wanted<'a>(
+        &'a self,
+        Receiver { position, normal, excluded }: Receiver<'a>,
+        skips: Skips,
+        tile: Option<Tile<'static>>,
+        all_excluded: &'a [u32],
+        is_searched: bool,
+    ) -> Wanted<'a> {
+        Wanted {
+            edges: self.edges,
+            position,
+            horizon: if skips.below_horizon { normal } else { None },
+            excluded,
+            tile: tile.unwrap_or(Tile::lone(position, normal)).with_faces(all_excluded),
+            is_searched,
+        }
+    }
+
+    /// What a receiver among those approached sees, exactly: its visible region, solved in the chart numbered `frame`.
+    ///
+    /// Three ways lead there: by the contours of bodies that may be seen, by those of all, and, where rounding leaves a choice in both,
+    /// by those of all in one order. What is certain is the same to the bit, so either of the first two may be tried first.
+    pub fn solve<'v>(&self, frame: u32, receiver: Receiver, skips: Skips, view: &'v mut View) -> &'v Region {
         let Receiver { position, normal, excluded } = receiver;
-        let depth = |w| count_along(self.faces, position, excluded, w);
-        exact::solve(&view.projected, normal, frame, depth, &mut view.exact)
+        if view.tile.is_none() {
+            self.approach(std::iter::once(receiver), view);
+        }
+        let depth = |w| count_along(self.faces, position, excluded, w, |_| true);
+        let groups = self.edges.groups();
+        match normal {
+            Some(normal) if groups > 1 => {
+                let is_lazy = skips.hidden_bodies && view.visible_set.pays(self.edges, view.searches.receivers());
+                let is_solved = is_lazy && self.solve_visible(frame, receiver, normal, skips, view);
+                if !is_solved {
+                    self.project(receiver, skips, view);
+                    let is_certain =
+                        exact::solve_certainly(&view.projected, Some(normal), frame, depth, &mut view.exact);
+                    if !is_certain && (is_lazy || !self.solve_visible(frame, receiver, normal, skips, view)) {
+                        self.project(receiver, skips, view);
+                        exact::solve_in_order(&view.projected, Some(normal), frame, depth, &mut view.exact);
+                    }
+                }
+                let hidden = if is_solved { groups - view.visible_set.len() } else { 0 };
+                view.counts = Counts { above: view.projected.arcs.len(), hidden, ..Counts::default() };
+            }
+            _ => {
+                self.project(receiver, skips, view);
+                view.counts = Counts { above: view.projected.arcs.len(), ..Counts::default() };
+                exact::solve(&view.projected, normal, frame, depth, &mut view.exact);
+            }
+        }
+        view.exact.region()
+    }
+
+    /// By the contours of bodies that may be seen; returns whether the outcome is certain.
+    fn solve_visible(
+        &self,
+        frame: u32,
+        receiver: Receiver,
+        normal: DVec3,
+        skips: Skips,
+        view: &mut View,
+    ) -> bool {
+        let View { excluded, tile, is_searched, candidates, contours, projected, searches, visible_set, exact, .. } = view;
+        let wanted = self.wanted(receiver, skips, *tile, excluded, *is_searched);
+        let eye = Eye { faces: self.faces, wanted, normal, frame };
+        visible_set.solve(eye, &mut Found { searches, candidates, contours }, projected, exact)
     }
 }
 

@@ -36,7 +36,6 @@ pub use region::{Region, Residuals};
 use super::ReceiverContours;
 use chart::Chart;
 use edges::Edges;
-use masks::Doubt;
 use sweep::Queue;
 
 /// Buffers of [`solve`], to be kept from one receiver to the next.
@@ -55,11 +54,14 @@ impl Scratch {
     }
 }
 
-/// Edges below which one order is kept in no more time than masks: the room's 240 contours take 30 microseconds either way.
+/// Contours below which one order is kept in no more time than masks: the room's 240 take 30 microseconds either way.
 const FEW: usize = 512;
 
 /// Frames to try before an edge through the pole is taken as it is: each is met with a chance of 1e-10 an edge.
 const ATTEMPTS: u32 = 8;
+
+/// A full sphere has no preferred direction: any pole will do.
+const ANY_AXIS: DVec3 = DVec3::Z;
 
 /// The visible region of one receiver: within the hemisphere of `normal` (a unit vector), or on the full sphere.
 ///
@@ -75,26 +77,53 @@ pub fn solve<'a>(
     depth: impl Fn(DVec3) -> i32,
     scratch: &'a mut Scratch,
 ) -> &'a Region {
-    let Scratch { edges, masks, queue, region } = scratch;
-    // A full sphere has no preferred direction: any pole will do.
-    let axis = normal.unwrap_or(DVec3::Z);
-    for attempt in 0.. {
-        let chart = Chart::new(axis, frame * ATTEMPTS + attempt);
+    let is_solved = contours.arcs.len() >= FEW && solve_certainly(contours, normal, frame, &depth, scratch);
+    if !is_solved {
+        solve_in_order(contours, normal, frame, depth, scratch);
+    }
+    scratch.region()
+}
+
+/// The direction in which W is counted first.
+pub(super) fn pole(normal: DVec3, frame: u32) -> DVec3 {
+    Chart::new(normal, frame * ATTEMPTS).pole()
+}
+
+/// The same by masks, in the first frame only, and without a doubt or an alarm; returns whether that succeeded. Then contours in
+/// directions that cannot be seen anyway have changed no bit of the region.
+pub(super) fn solve_certainly(
+    contours: &ReceiverContours,
+    normal: Option<DVec3>,
+    frame: u32,
+    depth: impl Fn(DVec3) -> i32,
+    Scratch { edges, masks, region, .. }: &mut Scratch,
+) -> bool {
+    let chart = Chart::new(normal.unwrap_or(ANY_AXIS), frame * ATTEMPTS);
+    if edges.fill(contours, normal, &chart, false).is_err() {
+        return false;
+    }
+    let Ok((check, expected)) = masks::sweep(edges, masks, &chart, depth(chart.pole()), region) else { return false };
+    region.residuals.depth_mismatch = depth(check) - expected;
+    !region.residuals.alarm()
+}
+
+/// The same with all edges in one order.
+pub(super) fn solve_in_order(
+    contours: &ReceiverContours,
+    normal: Option<DVec3>,
+    frame: u32,
+    depth: impl Fn(DVec3) -> i32,
+    Scratch { edges, queue, region, .. }: &mut Scratch,
+) {
+    for attempt in 0..ATTEMPTS {
+        let chart = Chart::new(normal.unwrap_or(ANY_AXIS), frame * ATTEMPTS + attempt);
         let is_last = attempt + 1 == ATTEMPTS;
-        let filled = edges.fill(contours, normal, &chart, is_last);
-        if filled.is_ok() {
-            let depth_at_pole = depth(chart.pole());
-            let fast = match edges.edges.len() {
-                ..FEW => Err(Doubt),
-                _ => masks::sweep(edges, masks, &chart, depth_at_pole, region),
-            };
-            let (check, expected) =
-                fast.unwrap_or_else(|Doubt| sweep::sweep(edges, queue, &chart, depth_at_pole, region));
+        if edges.fill(contours, normal, &chart, is_last).is_ok() {
+            let (check, expected) = sweep::sweep(edges, queue, &chart, depth(chart.pole()), region);
             region.residuals.depth_mismatch = depth(check) - expected;
             region.residuals.retries = attempt;
             region.residuals.pole_met = is_last;
             break;
         }
     }
-    region
 }
