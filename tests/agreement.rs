@@ -332,18 +332,21 @@ fn skips_change_no_bit() {
     let all = Skips::default();
     let fewer: Vec<Skips> = Skips::each().into_iter().map(|(_, skips)| skips).chain([Skips::NONE]).collect();
     let only_light = Request { irradiance: true, ..Request::default() };
-    for (geometry, receivers, only) in [
-        (&room, &vertices, None),
-        (&geometry, &points, None),
-        (&geometry, &far, None),
-        (&geometry, &far, Some(&only_light)),
-        (&geometry, &probes, None),
-        (&building, &inside, None),
-        (&building, &inside, Some(&only_light)),
+    let (lines, exact) = (Method::Isolines { lines: 32 }, Method::Exact);
+    for (geometry, receivers, only, method) in [
+        (&room, &vertices, None, lines),
+        (&geometry, &points, None, lines),
+        (&geometry, &far, None, lines),
+        (&geometry, &far, Some(&only_light), lines),
+        (&geometry, &probes, None, lines),
+        (&building, &inside, None, lines),
+        (&building, &inside, Some(&only_light), lines),
+        (&geometry, &points, None, exact),
+        (&building, &inside, None, exact),
+        (&building, &inside, Some(&only_light), exact),
     ] {
         let request = only.cloned().unwrap_or_else(|| request(receivers, Some(&environment), ORDER));
         let with = |skips| {
-            let method = Method::Isolines { lines: 32 };
             let mut prepared = Prepared::new(geometry, Some(&environment));
             prepared.set_skips(skips);
             prepared.integrate(receivers, &request, method, None, &()).unwrap()
@@ -351,7 +354,7 @@ fn skips_change_no_bit() {
         let expected = with(all);
         for &skips in &fewer {
             let found = with(skips);
-            assert!(found.arrays == expected.arrays, "{skips:?}");
+            assert!(found.arrays == expected.arrays, "{method}: {skips:?}");
             let count = |name: &str| (found.statistics.skipped[name], expected.statistics.skipped[name]);
             assert!(skips.shared_searches || count("shared_searches").0 == 0);
             assert!(skips.hidden_bodies || count("hidden_bodies").0 == 0);

@@ -45,7 +45,13 @@ impl Gradients {
         let [coarse, fine] = [step, 0.5 * step].map(|step| {
             DVec3::AXES.map(|axis| {
                 let ends = [step, -step].map(|by| {
-                    harmonics_at(bands, viewer, Receiver { position: receiver.position + by * axis, ..receiver }, skips, view)
+                    harmonics_at(
+                        bands,
+                        viewer,
+                        Receiver { position: receiver.position + by * axis, ..receiver },
+                        skips,
+                        view,
+                    )
                 });
                 let [Some(ahead), Some(behind)] = ends else { return None };
                 Some(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * step)).collect::<Vec<f64>>())

@@ -66,7 +66,7 @@ pub struct Counts {
     pub below: usize,
     /// Of those above, the ones that lie between two isolines.
     pub between: usize,
-    /// Groups of bodies whose contours were not looked at because nothing of them can be seen along the isolines.
+    /// Groups of bodies whose contours were not looked at because nothing of them can be seen.
     pub hidden: usize,
 }
 

@@ -46,7 +46,8 @@ impl Front {
             let (sum, chord) = (arc.start + arc.end, arc.end - arc.start);
             // Of two ways to the middle of the arc the one along the longer vector.
             let out = if arc.start.dot(arc.end) > 0.0 { sum } else { chord.cross(arc.normal) }.normalize();
-            let tangent = (chord.length() / sum.dot(out)) as f32;
+            // Half a turn, or by rounding more than that: no number, which any box meets.
+            let tangent = (chord.length() / sum.dot(out).max(0.0)) as f32;
             Sector { out: out.as_vec3(), along: arc.normal.cross(out).as_vec3(), tangents: [-tangent, tangent] }
         }));
         self.arrange(Vec3::AXES);
@@ -238,6 +239,33 @@ mod tests {
                 let (y, z) = if s < 1.0 { (s, 1.0 - s) } else { (2.0 - s, 1.0 - s) };
                 DVec3::X * u + (1.0 - u.abs()) * DVec3::new(0.0, side * y, z)
             });
+        }
+    }
+
+    proptest! {
+        /// Of any length below half a turn, down to rounding.
+        #[test]
+        fn no_box_on_an_arc_is_missed(
+            start in prop::array::uniform3(-1f64..1.0),
+            aside in prop::array::uniform3(-1f64..1.0),
+            angle in prop_oneof![0.0..PI, PI - 1e-6..PI, PI - 1e-14..PI, PI - 1e-15..=PI, 0.0..1e-6f64],
+            place in prop_oneof![0.0..1f64, Just(0.0), Just(1.0)],
+            distance in 0.1..10f64,
+            size in prop::array::uniform3(0f32..2.0),
+        ) {
+            let Some(start) = DVec3::from(start).try_normalize() else { return Ok(()) };
+            let Some(normal) = start.cross(aside.into()).try_normalize() else { return Ok(()) };
+            let at = |angle: f64| angle.cos() * start + angle.sin() * normal.cross(start);
+            let mut front = Front::default();
+            front.take_arcs(&[BoundaryArc { start, end: at(angle), normal }]);
+            let (position, half) = (DVec3::new(0.3, -0.7, 0.2), 0.5 * Vec3::from(size));
+            let centre = (position + distance * at(place * angle)).as_vec3();
+            assert!(front.meets(position, [centre - half, centre + half]));
+            // Nothing behind the receiver, and nothing off the plane, is on it.
+            let behind = (position - distance * at(0.5 * angle)).as_vec3();
+            assert!(!(1e-3..3.0).contains(&angle) || !front.meets(position, [behind, behind]));
+            let off = (position + distance * (at(place * angle) + 1e-3 * normal)).as_vec3();
+            assert!(angle > 3.0 || !front.meets(position, [off, off]));
         }
     }
 

@@ -90,15 +90,6 @@ impl Searches {
         part.clone()
     }
 
-    /// Searches a group for the whole tile unless that has been done.
-    pub(super) fn share(&mut self, group: u32, wanted: Wanted, candidates: &mut Candidates) {
-        let state = &mut self.sharing[group as usize];
-        if !wanted.is_searched && *state != (self.tile, Sharing::Shared) {
-            *state = (self.tile, Sharing::Shared);
-            wanted.edges.search_group(group, &wanted.tile, candidates);
-        }
-    }
-
     /// Searches a group unless that has been done.
     fn search(&mut self, group: u32, wanted: Wanted, candidates: &mut Candidates) {
         let Wanted { edges, position, horizon, excluded, tile: whole, is_searched } = wanted;

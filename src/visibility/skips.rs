@@ -12,7 +12,7 @@ pub struct Skips {
     pub enclosed_receivers: bool,
     /// Contours between two isolines are not placed on their circles.
     pub between_isolines: bool,
-    /// Groups of bodies of which nothing can be seen along the isolines are not looked at, nor searched.
+    /// Groups of bodies of which nothing can be seen, along the isolines or, by the exact method, at all, are not looked at, nor searched.
     pub hidden_bodies: bool,
 }
 

@@ -255,7 +255,7 @@ impl<P: Copy> Tracer<P> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::sync::Arc;
 
     use dual_bvh::BuildOptions;
@@ -266,16 +266,16 @@ mod tests {
     use crate::visibility::{Frame, Isolines, MeridianFrame, Meridians, Receiver, Spans, View, Viewer};
 
     /// A box between two corners of a grid.
-    type Block = [IVec3; 2];
+    pub(in crate::visibility) type Block = [IVec3; 2];
 
-    fn blocks(grid: i32) -> impl Strategy<Value = Vec<Block>> {
+    pub(in crate::visibility) fn blocks(grid: i32) -> impl Strategy<Value = Vec<Block>> {
         let corner = (-grid..grid, -grid..grid, -grid..grid).prop_map(|(x, y, z)| IVec3::new(x, y, z));
         let size = (1..=grid, 1..=grid, 1..=grid).prop_map(|(x, y, z)| IVec3::new(x, y, z));
         prop::collection::vec((corner, size).prop_map(|(low, size)| [low, low + size]), 1..40)
     }
 
     /// Twelve triangles a box, which has corners of its own, and some without their last two: open from above.
-    fn mesh(blocks: &[Block]) -> (Arc<[Vec3]>, Arc<[[u32; 3]]>) {
+    pub(in crate::visibility) fn mesh(blocks: &[Block]) -> (Arc<[Vec3]>, Arc<[[u32; 3]]>) {
         const SIDES: [[u32; 4]; 6] =
             [[0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5], [0, 2, 3, 1], [4, 5, 7, 6]];
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
@@ -293,7 +293,7 @@ mod tests {
         (positions.into(), triangles.into())
     }
 
-    fn is_on_side(p: DVec3, [low, high]: Block) -> bool {
+    pub(in crate::visibility) fn is_on_side(p: DVec3, [low, high]: Block) -> bool {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let is_inside = p.cmpge(low).all() && p.cmple(high).all();
         is_inside && (p.cmpeq(low).any() || p.cmpeq(high).any())

@@ -90,6 +90,7 @@ impl View {
     pub(super) fn grant(&mut self, credit: i64) {
         (self.along_meridians.credit, self.along_meridians.has_credit) = (credit, true);
         (self.along_isolines.credit, self.along_isolines.has_credit) = (credit, true);
+        self.visible_set.insist();
     }
 
     /// The visible region that was last solved.
@@ -115,7 +116,7 @@ impl Viewer<'_> {
     }
 
     /// Searches all edges that may be contours for any of the receivers approached.
-    pub fn search(&self, view: &mut View) {
+    fn search(&self, view: &mut View) {
         if let (Some(tile), false) = (view.tile, view.is_searched) {
             // Also what has been searched already, so that the order is always the same.
             self.edges.search(&tile.with_faces(&view.excluded), &mut view.candidates);
@@ -124,23 +125,12 @@ impl Viewer<'_> {
     }
 
     /// Projects all contours of a receiver among those approached.
-    fn project(&self, receiver: Receiver, skips: Skips, view: &mut View) {
-        let Receiver { position, normal, excluded } = receiver;
-        view.projected.clear();
-        if self.edges.groups() == 1 {
-            self.search(view);
-            let View { candidates, contours, projected, .. } = view;
-            candidates.contours(position, excluded, contours);
-            projected.project(candidates, 0..candidates.vertices().len(), contours, position, normal);
-            return;
-        }
-        let wanted = self.wanted(receiver, skips, view.tile, &view.excluded, view.is_searched);
-        for group in 0..self.edges.groups() as u32 {
-            view.searches.share(group, wanted, &mut view.candidates);
-            let Some(part) = view.candidates.part(group) else { unreachable!("the group has been searched") };
-            view.candidates.contours_in(part, position, excluded, &mut view.contours);
-            view.projected.project(&view.candidates, part.vertices.clone(), &view.contours, position, normal);
-        }
+    fn project(&self, Receiver { position, normal, excluded }: Receiver, view: &mut View) {
+        self.search(view);
+        let View { candidates, contours, projected, .. } = view;
+        candidates.contours(position, excluded, contours);
+        projected.clear();
+        projected.project(candidates, 0..candidates.vertices().len(), contours, position, normal);
     }
 
     /// What a receiver among those approached sees along the meridians: the [`View::spans`], if it sees a part.
@@ -224,11 +214,11 @@ impl Viewer<'_> {
                 let is_lazy = skips.hidden_bodies && view.visible_set.pays(self.edges, view.searches.receivers());
                 let is_solved = is_lazy && self.solve_visible(frame, receiver, normal, skips, view);
                 if !is_solved {
-                    self.project(receiver, skips, view);
+                    self.project(receiver, view);
                     let is_certain =
                         exact::solve_certainly(&view.projected, Some(normal), frame, depth, &mut view.exact);
                     if !is_certain && (is_lazy || !self.solve_visible(frame, receiver, normal, skips, view)) {
-                        self.project(receiver, skips, view);
+                        self.project(receiver, view);
                         exact::solve_in_order(&view.projected, Some(normal), frame, depth, &mut view.exact);
                     }
                 }
@@ -236,7 +226,7 @@ impl Viewer<'_> {
                 view.counts = Counts { above: view.projected.arcs.len(), hidden, ..Counts::default() };
             }
             _ => {
-                self.project(receiver, skips, view);
+                self.project(receiver, view);
                 view.counts = Counts { above: view.projected.arcs.len(), ..Counts::default() };
                 exact::solve(&view.projected, normal, frame, depth, &mut view.exact);
             }
@@ -245,15 +235,9 @@ impl Viewer<'_> {
     }
 
     /// By the contours of bodies that may be seen; returns whether the outcome is certain.
-    fn solve_visible(
-        &self,
-        frame: u32,
-        receiver: Receiver,
-        normal: DVec3,
-        skips: Skips,
-        view: &mut View,
-    ) -> bool {
-        let View { excluded, tile, is_searched, candidates, contours, projected, searches, visible_set, exact, .. } = view;
+    fn solve_visible(&self, frame: u32, receiver: Receiver, normal: DVec3, skips: Skips, view: &mut View) -> bool {
+        let View { excluded, tile, is_searched, candidates, contours, projected, searches, visible_set, exact, .. } =
+            view;
         let wanted = self.wanted(receiver, skips, *tile, excluded, *is_searched);
         let eye = Eye { faces: self.faces, wanted, normal, frame };
         visible_set.solve(eye, &mut Found { searches, candidates, contours }, projected, exact)
