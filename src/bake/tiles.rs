@@ -14,11 +14,11 @@ pub fn tiles(geometry: &Geometry, positions: &[DVec3]) -> Vec<Vec<u32>> {
 /// Largest radius of a tile: the larger, the more receivers share a search, but the more edges are contours for some of them
 /// only, the sooner the finer the mesh is.
 ///
-/// Between a hundredth and three of the scene's diagonal the best was seen to go like the root of the length of an edge: 0.027 for
-/// 100 000 triangles of a hundred knots, 0.013 for two millions. Lengths are the mean over a few thousand faces.
+/// Between one and two hundredths of the scene's diagonal the best was seen to go like the root of the length of an edge: 0.02 and more
+/// for 100 000 triangles of a hundred knots, 0.013 for two millions. Lengths are the mean over a few thousand faces.
 fn radius(geometry: &Geometry) -> f64 {
     const LEAST: f64 = 0.01;
-    const MOST: f64 = 0.03;
+    const MOST: f64 = 0.02;
     const SCALE: f64 = 0.4;
     const FACES: usize = 4096;
     let Some([low, high]) = geometry.bounds() else { return 0.0 };
@@ -67,7 +67,7 @@ mod tests {
 
     use super::*;
     use crate::scene::GeometryBuilder;
-    use crate::scene::shapes::TorusKnot;
+    use crate::scene::shapes::{Plane, TorusKnot};
 
     #[test]
     fn every_receiver_is_in_one_small_tile() {
@@ -96,16 +96,19 @@ mod tests {
             let mut builder = GeometryBuilder::default();
             let mesh = TorusKnot { triangles, ..TorusKnot::default() }.mesh().unwrap();
             builder.add(mesh, DAffine3::IDENTITY).unwrap();
+            // Far away, so that the knot is small in the scene.
+            let patch = Plane { size: [0.1; 2], ..Plane::default() }.mesh().unwrap();
+            builder.add(patch, DAffine3::from_translation(60.0 * DVec3::X)).unwrap();
             builder.build()
         };
-        let radii = [100, 4_000, 64_000, 1_000_000].map(|triangles| {
+        let radii = [100, 20_000, 80_000, 1_000_000].map(|triangles| {
             let geometry = knot(triangles);
             let [low, high] = geometry.bounds().unwrap();
             radius(&geometry) / f64::from(low.distance(high))
         });
-        assert!((radii[0] - 0.03).abs() < 1e-9 && (radii[3] - 0.01).abs() < 1e-9, "{radii:?}");
-        // Sixteen times as many triangles have edges a quarter as long.
-        assert!((radii[1] / radii[2] - 2.0).abs() < 0.1, "{radii:?}");
+        assert!((radii[0] - 0.02).abs() < 1e-9 && (radii[3] - 0.01).abs() < 1e-9, "{radii:?}");
+        // Four times as many triangles have edges half as long.
+        assert!((radii[1] / radii[2] - 2f64.sqrt()).abs() < 0.05, "{radii:?}");
         assert_eq!(radius(&GeometryBuilder::default().build()), 0.0);
     }
 
