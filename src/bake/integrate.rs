@@ -5,7 +5,7 @@ use cpu_time::ProcessTime;
 use rayon::prelude::*;
 
 use super::layout::Layout;
-use super::tiles::{TILE_RADIUS, tiles};
+use super::tiles::tiles;
 use super::{Array, Arrays, Control, Method, Outcome, Partial, Prepared, Receivers, Request, Statistics};
 use crate::scene::{Environment, Geometry};
 use crate::{Error, Result};
@@ -95,14 +95,12 @@ pub(super) fn run<B: Baker>(
     if let Some(partial) = &resume {
         partial.check(receivers.len())?;
     }
-    let diagonal = geometry.bounds().map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
-    let radius = TILE_RADIUS * diagonal;
     let tiles = match &resume {
-        None => tiles(&receivers.positions, radius),
+        None => tiles(geometry, &receivers.positions),
         Some(partial) => {
             let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !partial.done[i as usize]).collect();
             let positions: Vec<_> = todo.iter().map(|&i| receivers.positions[i as usize]).collect();
-            let mut tiles = tiles(&positions, radius);
+            let mut tiles = tiles(geometry, &positions);
             tiles.iter_mut().flatten().for_each(|index| *index = todo[*index as usize]);
             tiles
         }
