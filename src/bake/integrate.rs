@@ -61,6 +61,8 @@ pub(super) struct Counts {
     pub(super) between_isolines: u64,
     /// Groups of bodies that were not looked at because they are hidden.
     pub(super) hidden_bodies: u64,
+    /// Groups of bodies that were not looked at because they lie below the horizon.
+    pub(super) bodies_below_horizon: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -74,6 +76,7 @@ impl std::ops::AddAssign for Counts {
         self.below_horizon += other.below_horizon;
         self.between_isolines += other.between_isolines;
         self.hidden_bodies += other.hidden_bodies;
+        self.bodies_below_horizon += other.bodies_below_horizon;
     }
 }
 
@@ -141,6 +144,7 @@ pub(super) fn run<B: Baker>(
         ("contours_below_horizon", counts.below_horizon),
         ("contours_between_isolines", counts.between_isolines),
         ("hidden_bodies", counts.hidden_bodies),
+        ("bodies_below_horizon", counts.bodies_below_horizon),
     ];
     let statistics = Statistics {
         receivers: solved,

@@ -77,6 +77,8 @@ pub struct Counts {
     pub between: usize,
     /// Groups of bodies whose contours were not looked at because nothing of them can be seen.
     pub hidden: usize,
+    /// Groups of bodies whose contours were not looked at because they lie below the horizon.
+    pub sunken: usize,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -85,6 +87,7 @@ impl std::ops::AddAssign for Counts {
         self.below += other.below;
         self.between += other.between;
         self.hidden += other.hidden;
+        self.sunken += other.sunken;
     }
 }
 
@@ -290,7 +293,7 @@ impl<P: Copy> Crossings<P> {
         }
         self.chords.truncate(old + count);
         let above = contours.len() - below;
-        self.counts += Counts { above, below, between: above - crossing, hidden: 0 };
+        self.counts += Counts { above, below, between: above - crossing, ..Counts::default() };
     }
 
     /// The pieces of all chords, four at a time.
