@@ -257,6 +257,7 @@ impl<'a> Solver<'a> {
         self.viewer.solve(frame, receiver, self.skips, view);
         counts.contours = view.counts().above as u64;
         counts.hidden_bodies = view.counts().hidden as u64;
+        counts.bodies_below_horizon = view.counts().sunken as u64;
         let has_contours = view.counts().above > 0;
         let region = view.region();
         let residuals = region.residuals();

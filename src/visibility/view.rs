@@ -208,9 +208,8 @@ impl Viewer<'_> {
             self.approach(std::iter::once(receiver), view);
         }
         let depth = |w| count_along(self.faces, position, excluded, w, |_| true);
-        let groups = self.edges.groups();
         match normal {
-            Some(normal) if groups > 1 => {
+            Some(normal) if self.edges.groups() > 1 => {
                 let is_lazy = skips.hidden_bodies && view.visible_set.pays(self.edges, view.searches.receivers());
                 let is_solved = is_lazy && self.solve_visible(frame, receiver, normal, skips, view);
                 if !is_solved {
@@ -222,8 +221,10 @@ impl Viewer<'_> {
                         exact::solve_in_order(&view.projected, Some(normal), frame, depth, &mut view.exact);
                     }
                 }
-                let hidden = if is_solved { groups - view.visible_set.len() } else { 0 };
-                view.counts = Counts { above: view.projected.arcs.len(), hidden, ..Counts::default() };
+                let [hidden, sunken] = if is_solved { view.visible_set.left_out() } else { [0; 2] };
+                // Nothing is left out for the horizon's sake if that is not wanted.
+                let (hidden, sunken) = if skips.below_horizon { (hidden, sunken) } else { (hidden + sunken, 0) };
+                view.counts = Counts { above: view.projected.arcs.len(), hidden, sunken, ..Counts::default() };
             }
             _ => {
                 self.project(receiver, view);

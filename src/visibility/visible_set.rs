@@ -92,9 +92,11 @@ impl VisibleSet {
         self.has_credit = false;
     }
 
-    /// Number of groups in the set.
-    pub(super) fn len(&self) -> usize {
-        self.groups.len()
+    /// Number of groups that are not in the set: of those that reach above the horizon, and of the others.
+    pub(super) fn left_out(&self) -> [usize; 2] {
+        let left_out = self.contours.iter().zip(&self.is_in).filter(|&(_, is_in)| !is_in);
+        let sunken = left_out.clone().filter(|&(contours, _)| *contours == 0.0).count();
+        [left_out.count() - sunken, sunken]
     }
 
     /// Whether what leaving out groups has cost in this tile, of so many receivers, is little beside what it has saved.
