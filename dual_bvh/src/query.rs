@@ -44,7 +44,9 @@ impl Query {
                 normal,
                 half: spread.to_array().map(|x| up(x * (1.0 + SLACK) + slack)),
                 size: size.to_array().map(|x| up(x * (1.0 + SLACK))),
-                margin: up((distance * size.length()).min(half.dot(size)) * (1.0 + SLACK) + f64::from(f32::MIN_POSITIVE)),
+                margin: up(
+                    (distance * size.length()).min(half.dot(size)) * (1.0 + SLACK) + f64::from(f32::MIN_POSITIVE)
+                ),
             }
         });
         Self { high, low, margin: up(distance), half: half.to_array().map(up), horizon }

@@ -4,6 +4,7 @@ use dual_bvh::{Candidates, Contours, DualBvh};
 use glam::Vec3;
 use smallvec::SmallVec;
 
+use super::beams::{Beams, Rays};
 use super::chart::{Chart, Outlook};
 use super::crossings::{Counts, Crossings};
 use super::front::{Front, distance_squared};
@@ -63,8 +64,9 @@ impl<C> Clone for Look<'_, C> {
 
 impl<C> Copy for Look<'_, C> {}
 
-/// Where contours come from and go to.
+/// Where faces and contours come from and go to.
 pub(super) struct Found<'a> {
+    pub(super) beams: &'a mut Beams,
     pub(super) searches: &'a mut Searches,
     pub(super) candidates: &'a mut Candidates,
     pub(super) contours: &'a mut Contours,
@@ -85,7 +87,8 @@ impl<P: Copy> Tracer<P> {
         let edges = look.wanted.edges;
         let outlook = look.outlook;
         let mut depths = SmallVec::<[(u32, i32); 8]>::new();
-        C::count(outlook, look.faces, look.wanted.excluded, |face, covers| {
+        let rays = Rays { faces: look.faces, tile: look.wanted.tile, beams: found.beams };
+        C::count(outlook, rays, look.wanted.excluded, |face, covers| {
             let group = edges.group_of(face);
             match depths.iter_mut().find(|(of, _)| *of == group) {
                 Some((_, depth)) => *depth += covers,
@@ -127,7 +130,7 @@ impl<P: Copy> Tracer<P> {
 
     /// Chooses the contours of a group, searching it if that has not been done.
     fn choose<C: Chart<Piece = P>>(&mut self, group: u32, look: Look<C>, found: &mut Found) {
-        let Found { searches, candidates, contours } = found;
+        let Found { searches, candidates, contours, .. } = found;
         let part = searches.contours(group, look.wanted, candidates, contours);
         self.crossings.choose(look.outlook, candidates, &part, contours, !look.skips.between_isolines);
     }

@@ -1,6 +1,7 @@
 use dual_bvh::{Candidates, Contours, DualBvh, Tile};
 use glam::{DMat3, DVec3};
 
+use super::beams::{Beams, Rays};
 use super::chart::{Chart, Outlook};
 use super::depth::count_along;
 use super::exact::{self, Region};
@@ -57,6 +58,7 @@ pub struct View {
     tile: Option<Tile<'static>>,
     /// Whether all groups have been searched for it, one after another.
     is_searched: bool,
+    beams: Beams,
     candidates: Candidates,
     contours: Contours,
     projected: ReceiverContours,
@@ -105,10 +107,18 @@ impl Viewer<'_> {
         view.searches.begin(self.edges, receivers.clone().count());
         view.along_meridians.begin();
         view.along_isolines.begin();
+        view.beams.begin();
         let tile = Tile::new(receivers.map(|r| (r.position, r.normal)));
         view.tile = Some(tile);
         view.is_searched = false;
         self.edges.begin(&tile.with_faces(&view.excluded), &mut view.candidates);
+    }
+
+    /// Calls `visit` with every face that may touch a receiver among those approached, in no particular order.
+    pub fn visit_around(&self, receiver: Receiver, view: &mut View, visit: impl FnMut(u32)) {
+        let Receiver { position, normal, .. } = receiver;
+        let tile = view.tile.unwrap_or(Tile::lone(position, normal));
+        Rays { faces: self.faces, tile, beams: &mut view.beams }.visit(position, DVec3::ZERO, visit);
     }
 
     /// Searches all edges that may be contours for any of the receivers approached.
@@ -174,8 +184,8 @@ impl Viewer<'_> {
             is_searched: view.is_searched,
         };
         let look = Look { faces: self.faces, outlook: Outlook { chart, axes, position, normal }, wanted, skips };
-        let View { searches, candidates, contours, .. } = view;
-        let sight = taken.trace(look, &mut Found { searches, candidates, contours }, &mut view.spans);
+        let View { beams, searches, candidates, contours, .. } = view;
+        let sight = taken.trace(look, &mut Found { beams, searches, candidates, contours }, &mut view.spans);
         view.counts = taken.counts();
         *tracer(view) = taken;
         sight
