@@ -9,8 +9,12 @@ pub const TILE_RECEIVERS: usize = 64;
 /// receivers of the tile only outnumber what sharing the search saves.
 pub const TILE_RADIUS: f64 = 0.01;
 
+/// With fewer receivers than these, for which the search is more of the work, tiles may be larger by this factor.
+const FEW: usize = 32;
+const WIDER: f64 = 1.5;
+
 /// Groups neighbouring receivers, as indices: along a Morton curve over their bounds, cut after [`TILE_RECEIVERS`] or
-/// when a group outgrows `radius` (of the box around it). Depends on the positions alone.
+/// when a group outgrows `radius` (of the box around it), which few receivers may by half. Depends on the positions alone.
 pub fn tiles(positions: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
     let bounds = |points: &mut dyn Iterator<Item = DVec3>| {
         points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
@@ -26,8 +30,12 @@ pub fn tiles(positions: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
     for (_, index) in order {
         let p = positions[index as usize];
         let grown = (extent.0.min(p), extent.1.max(p));
+        let fits = |receivers: usize| {
+            let most = if receivers < FEW { WIDER * radius } else { radius };
+            receivers < TILE_RECEIVERS && (grown.1 - grown.0).length() <= 2.0 * most
+        };
         match tiles.last_mut() {
-            Some(tile) if tile.len() < TILE_RECEIVERS && (grown.1 - grown.0).length() <= 2.0 * radius => {
+            Some(tile) if fits(tile.len()) => {
                 tile.push(index);
                 extent = grown;
             }
@@ -56,9 +64,10 @@ mod tests {
         let mut seen = vec![0; positions.len()];
         for tile in &tiles {
             assert!(tile.len() <= TILE_RECEIVERS);
+            let most = if tile.len() > FEW { 0.2 } else { WIDER * 0.2 };
             for &a in tile {
                 seen[a as usize] += 1;
-                assert!(tile.iter().all(|&b| positions[a as usize].distance(positions[b as usize]) <= 0.2));
+                assert!(tile.iter().all(|&b| positions[a as usize].distance(positions[b as usize]) <= most));
             }
         }
         assert!(seen.iter().all(|&n| n == 1));

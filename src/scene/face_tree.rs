@@ -180,6 +180,8 @@ struct Slab {
     low: DVec3,
     high: DVec3,
     inverse: DVec3,
+    /// How far the rays go: not at all without a direction.
+    limit: f64,
 }
 
 impl Slab {
@@ -190,8 +192,9 @@ impl Slab {
         let slack = DVec3::splat(SLACK * largest + f64::from(f32::MIN_POSITIVE));
         // Along a side the quotients must be numbers.
         let along = |x: f64| if x.abs() < 1e-300 { 1e-300f64.copysign(x) } else { x };
+        let limit = if direction == DVec3::ZERO { 0.0 } else { f64::INFINITY };
         let direction = DVec3::from_array(direction.to_array().map(along));
-        Self { low: high + slack, high: low - slack, inverse: direction.recip() }
+        Self { low: high + slack, high: low - slack, inverse: direction.recip(), limit }
     }
 
     #[inline(always)]
@@ -204,7 +207,32 @@ impl Slab {
     fn enter(&self, node: &Bvh2Node) -> Option<f64> {
         let a = (node.min.as_dvec3() - self.low) * self.inverse;
         let b = (node.max.as_dvec3() - self.high) * self.inverse;
-        let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+        let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(self.limit));
         (near <= far * (1.0 + SLACK)).then_some(near)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of steps along the diagonal.
+    #[test]
+    fn around_a_point_are_the_faces_that_touch_it_and_few_others() {
+        let step = |i: u32| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|corner| corner + 3.0 * i as f32);
+        let positions: Vec<Vec3> = (0..500).flat_map(step).collect();
+        let tree = FaceTree::new(positions.into(), (0..500).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect());
+        for i in 0..500u32 {
+            let point = DVec3::splat(3.0 * f64::from(i));
+            let mut around = Vec::new();
+            tree.visit_around(point, |face| around.push(face));
+            assert!(around.contains(&i) && around.len() <= 2 * FaceGroups::MOST, "{i}: {around:?}");
+            let mut along = Vec::new();
+            tree.visit(point, DVec3::ONE, |face| {
+                along.push(face);
+                ControlFlow::Continue(())
+            });
+            assert!((i..500).all(|face| along.contains(&face)));
+        }
     }
 }

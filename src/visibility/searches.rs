@@ -30,7 +30,7 @@ enum Sharing {
 const MANY: usize = 400;
 const EXCESS: usize = 20;
 /// So many candidates one is expected to have before it is known.
-const EXPECTED: usize = 50;
+const EXPECTED: usize = 20;
 
 /// In tiles of fewer receivers, and in groups of more edges, nobody searches alone: it shows what sharing costs, but may be in vain.
 const SOME: usize = 8;
