@@ -357,6 +357,8 @@ fn skips_change_no_bit() {
             assert!(skips.hidden_bodies || count("hidden_bodies").0 == 0);
             assert!(!std::ptr::eq(geometry, &building) || count("hidden_bodies").1 > 0);
             assert!(skips.below_horizon || count("contours_below_horizon").0 >= count("contours_below_horizon").1);
+            assert!(skips.below_horizon || count("bodies_below_horizon").0 == 0);
+            assert!(!std::ptr::eq(geometry, &building) || count("bodies_below_horizon").1 > 0);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput};
 use dual_bvh::{BuildOptions, DualBvh};
-use silhouette::bake::{Receivers, TILE_RADIUS, tiles};
+use silhouette::bake::{Receivers, tiles};
 use silhouette::reference::{Light, PixelDistribution, Qmc, RayScene, Request};
 use silhouette::scene::{Environment, FaceTree, Geometry, Scene};
 use silhouette::sphere::Order;
@@ -39,8 +39,7 @@ impl Case {
     /// Tiles of a bake of all vertices, spread evenly over it, that hold about `count` receivers. Where few would, more are taken and
     /// cut short: places differ.
     pub fn tiles(&self, count: usize) -> Vec<Vec<u32>> {
-        let [low, high] = self.geometry.bounds().expect("the scene is not empty").map(|p| p.as_dvec3());
-        let all = tiles(&self.receivers.positions, TILE_RADIUS * low.distance(high));
+        let all = tiles(&self.geometry, &self.receivers.positions);
         /// Places, at least.
         const PLACES: usize = 6;
         let whole = (count * all.len()).div_ceil(self.receivers.len());

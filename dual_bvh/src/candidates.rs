@@ -34,10 +34,6 @@ pub struct CandidateEdge {
     pub a: u32,
     /// End, likewise.
     pub b: u32,
-    /// Start of its faces in [`Candidates::incidences`].
-    pub first: u32,
-    /// Number of its faces.
-    pub len: u32,
 }
 
 /// What a search found for a tile of receivers: the edges that may be contours for some of them, with the vertices and faces they
@@ -57,6 +53,8 @@ pub struct Candidates {
     /// First corners of the faces, by component.
     pub(crate) anchors: [Vec<f32>; 3],
     pub(crate) edges: Vec<CandidateEdge>,
+    /// Where the faces of every edge start among the incidences, and their number: apart, for few look there.
+    pub(crate) uses: Vec<[u32; 2]>,
     pub(crate) edge_count: usize,
     pub(crate) incidences: Vec<Incidence>,
     pub(crate) incidence_count: usize,
@@ -146,9 +144,10 @@ impl Candidates {
         &self.incidences[..self.incidence_count]
     }
 
-    /// The faces, by local number, of one edge.
-    pub fn faces_of(&self, edge: &CandidateEdge) -> &[Incidence] {
-        &self.incidences[edge.first as usize..(edge.first + edge.len) as usize]
+    /// The faces, by local number, of one edge, an index into [`Candidates::edges`].
+    pub fn faces_of(&self, edge: u32) -> &[Incidence] {
+        let [first, len] = self.uses[edge as usize];
+        &self.incidences[first as usize..(first + len) as usize]
     }
 
     /// Local number of a face, if a candidate has it.
@@ -181,10 +180,19 @@ impl Candidates {
 
     fn contours_of(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+            // SAFETY: the processor has the features.
+            return unsafe { self.contours_avx512(parts, receiver, excluded, out) };
+        } else if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
             return unsafe { self.contours_avx2(parts, receiver, excluded, out) };
         }
+        self.contours_inline(parts, receiver, excluded, out);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+    fn contours_avx512(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         self.contours_inline(parts, receiver, excluded, out);
     }
 
@@ -227,7 +235,7 @@ impl Candidates {
                 put(edge, jump(use_));
             }
             for edge in next + part.border..part.edges.end {
-                put(edge, self.faces_of(&self.edges[edge]).iter().map(jump).sum());
+                put(edge, self.faces_of(edge as u32).iter().map(jump).sum());
             }
         }
         out.count = count;

@@ -35,28 +35,31 @@ impl DualBvh {
         out.edge_count += count;
 
         room(&mut out.edges, out.edge_count);
+        room(&mut out.uses, out.edge_count);
         out.vertices.reserve(2 * count + 1);
         let (pairs, rest) = out.edges[old_edges..].split_at_mut(regular.len());
         let (lone, rest) = rest.split_at_mut(border.len());
-        let mut first = old_incidences as u32;
         for i in 0..regular.len() {
             if let Some(&([a, b], _)) = regular.get(i + AHEAD) {
                 out.vertices.prefetch(a);
                 out.vertices.prefetch(b);
             }
             let ([a, b], _) = regular[i];
-            pairs[i] = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 2 };
-            first += 2;
+            pairs[i] = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b) };
         }
         for (edge, &([a, b], _)) in lone.iter_mut().zip(&*border) {
-            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len: 1 };
-            first += 1;
+            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b) };
         }
         for (edge, &other) in rest.iter_mut().zip(&*other) {
             let [a, b] = self.edges.records[other as usize].vertices();
-            let len = self.edges.incidences(other).len() as u32;
-            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b), first, len };
-            first += len;
+            *edge = CandidateEdge { a: out.vertices.insert(a), b: out.vertices.insert(b) };
+        }
+        let others = other.iter().map(|&other| self.edges.incidences(other).len() as u32);
+        let counts = regular.iter().map(|_| 2).chain(border.iter().map(|_| 1)).chain(others);
+        let mut first = old_incidences as u32;
+        for (uses, count) in out.uses[old_edges..].iter_mut().zip(counts) {
+            *uses = [first, count];
+            first += count;
         }
 
         out.incidence_count = first as usize;

@@ -139,10 +139,10 @@ fn candidates_describe_their_edges() {
         assert_eq!(candidates.anchor(local as u32), a.as_dvec3());
         assert_eq!(candidates.local_face(face), Some(local as u32));
     }
-    for edge in candidates.edges() {
+    for (number, edge) in candidates.edges().iter().enumerate() {
         let [a, b] = [edge.a, edge.b].map(|end| candidates.vertices()[end as usize]);
         assert!(a < b);
-        for use_ in candidates.faces_of(edge) {
+        for use_ in candidates.faces_of(number as u32) {
             let corners = mesh.triangles[candidates.faces()[use_.face() as usize] as usize];
             let along = (0..3).any(|i| corners[i] == a && corners[(i + 1) % 3] == b);
             let against = (0..3).any(|i| corners[i] == b && corners[(i + 1) % 3] == a);

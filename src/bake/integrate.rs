@@ -5,7 +5,7 @@ use cpu_time::ProcessTime;
 use rayon::prelude::*;
 
 use super::layout::Layout;
-use super::tiles::{TILE_RADIUS, tiles};
+use super::tiles::tiles;
 use super::{Array, Arrays, Control, Method, Outcome, Partial, Prepared, Receivers, Request, Statistics};
 use crate::scene::{Environment, Geometry};
 use crate::{Error, Result};
@@ -61,6 +61,8 @@ pub(super) struct Counts {
     pub(super) between_isolines: u64,
     /// Groups of bodies that were not looked at because they are hidden.
     pub(super) hidden_bodies: u64,
+    /// Groups of bodies that were not looked at because they lie below the horizon.
+    pub(super) bodies_below_horizon: u64,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -74,6 +76,7 @@ impl std::ops::AddAssign for Counts {
         self.below_horizon += other.below_horizon;
         self.between_isolines += other.between_isolines;
         self.hidden_bodies += other.hidden_bodies;
+        self.bodies_below_horizon += other.bodies_below_horizon;
     }
 }
 
@@ -95,14 +98,12 @@ pub(super) fn run<B: Baker>(
     if let Some(partial) = &resume {
         partial.check(receivers.len())?;
     }
-    let diagonal = geometry.bounds().map_or(0.0, |[low, high]| low.as_dvec3().distance(high.as_dvec3()));
-    let radius = TILE_RADIUS * diagonal;
     let tiles = match &resume {
-        None => tiles(&receivers.positions, radius),
+        None => tiles(geometry, &receivers.positions),
         Some(partial) => {
             let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !partial.done[i as usize]).collect();
             let positions: Vec<_> = todo.iter().map(|&i| receivers.positions[i as usize]).collect();
-            let mut tiles = tiles(&positions, radius);
+            let mut tiles = tiles(geometry, &positions);
             tiles.iter_mut().flatten().for_each(|index| *index = todo[*index as usize]);
             tiles
         }
@@ -143,6 +144,7 @@ pub(super) fn run<B: Baker>(
         ("contours_below_horizon", counts.below_horizon),
         ("contours_between_isolines", counts.between_isolines),
         ("hidden_bodies", counts.hidden_bodies),
+        ("bodies_below_horizon", counts.bodies_below_horizon),
     ];
     let statistics = Statistics {
         receivers: solved,

@@ -39,5 +39,5 @@ pub use provenance::{Phase, Provenance};
 pub use receivers::Receivers;
 pub use request::{Method, Outcome, Request};
 pub use statistics::Statistics;
-pub use tiles::{TILE_RADIUS, TILE_RECEIVERS, tiles};
+pub use tiles::{TILE_RECEIVERS, tiles};
 pub use update::Changes;

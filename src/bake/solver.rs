@@ -369,6 +369,7 @@ impl Counts {
         self.below_horizon = contours.below as u64;
         self.between_isolines = contours.between as u64;
         self.hidden_bodies = contours.hidden as u64;
+        self.bodies_below_horizon = contours.sunken as u64;
         self.open += u64::from(sight == Sight::Open);
         self.enclosed += u64::from(sight == Sight::Enclosed);
     }

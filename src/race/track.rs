@@ -2,7 +2,7 @@ use std::fmt;
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use crate::bake::{Receivers, Request, TILE_RADIUS, tiles};
+use crate::bake::{Receivers, Request, tiles};
 use crate::scene::shapes::{Plane, Random};
 use crate::scene::{Environment, Geometry, GeometryBuilder, Mesh, Sky};
 use crate::{Error, Result};
@@ -82,7 +82,7 @@ impl Track {
         };
         let diagonal = low.distance(high);
         let bake = Receivers::points(points(&geometry, LIFT * diagonal));
-        let tiles = tiles(&bake.positions, TILE_RADIUS * diagonal);
+        let tiles = tiles(&geometry, &bake.positions);
         let receivers = bake.pick(spread(&tiles, count).into_iter().map(|index| index as usize));
         Ok(Self { name, geometry, environment, bake, receivers })
     }

@@ -7,6 +7,15 @@ use super::chart::{Chart, Outlook};
 use super::contours::arc_plane;
 use super::vertices::{BELOW, fill};
 
+/// Whether the processor has the features that kernels in 512 bits use.
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+}
+
 /// A contour that may cross isolines.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chord {
@@ -68,6 +77,8 @@ pub struct Counts {
     pub between: usize,
     /// Groups of bodies whose contours were not looked at because nothing of them can be seen along the isolines.
     pub hidden: usize,
+    /// Groups of bodies whose contours were not looked at because they lie below the horizon.
+    pub sunken: usize,
 }
 
 impl std::ops::AddAssign for Counts {
@@ -76,6 +87,7 @@ impl std::ops::AddAssign for Counts {
         self.below += other.below;
         self.between += other.between;
         self.hidden += other.hidden;
+        self.sunken += other.sunken;
     }
 }
 
@@ -157,10 +169,26 @@ impl<P: Copy> Crossings<P> {
         between: bool,
     ) {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if has_avx512() {
+            // SAFETY: the processor has the features.
+            return unsafe { self.choose_avx512(outlook, candidates, part, contours, between) };
+        } else if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
             return unsafe { self.choose_avx2(outlook, candidates, part, contours, between) };
         }
+        self.choose_inline(outlook, candidates, part, contours, between);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+    fn choose_avx512<C: Chart<Piece = P>>(
+        &mut self,
+        outlook: Outlook<C>,
+        candidates: &Candidates,
+        part: &Part,
+        contours: &Contours,
+        between: bool,
+    ) {
         self.choose_inline(outlook, candidates, part, contours, between);
     }
 
@@ -207,10 +235,19 @@ impl<P: Copy> Crossings<P> {
     /// Crosses the contours that were chosen with the isolines.
     pub(super) fn cross<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if has_avx512() {
+            // SAFETY: the processor has the features.
+            return unsafe { self.cross_avx512(outlook, candidates) };
+        } else if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
             return unsafe { self.cross_avx2(outlook, candidates) };
         }
+        self.cross_inline(outlook, candidates);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+    fn cross_avx512<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
         self.cross_inline(outlook, candidates);
     }
 
@@ -256,7 +293,7 @@ impl<P: Copy> Crossings<P> {
         }
         self.chords.truncate(old + count);
         let above = contours.len() - below;
-        self.counts += Counts { above, below, between: above - crossing, hidden: 0 };
+        self.counts += Counts { above, below, between: above - crossing, ..Counts::default() };
     }
 
     /// The pieces of all chords, four at a time.

@@ -64,6 +64,21 @@ impl<C> Clone for Look<'_, C> {
 
 impl<C> Copy for Look<'_, C> {}
 
+impl<C> Look<'_, C> {
+    /// Whether a box, given by its lowest and highest corner, lies below the horizon for certain, and is not to be looked at then.
+    fn is_sunken(&self, [low, high]: [Vec3; 2]) -> bool {
+        /// Angle below the horizon, for rounding.
+        const BELOW: f64 = 1e-9;
+        let (Some(normal), true) = (self.outlook.normal, self.skips.below_horizon) else { return false };
+        let (low, high, position) = (low.as_dvec3(), high.as_dvec3(), self.outlook.position);
+        let (middle, half) = (0.5 * (low + high) - position, 0.5 * (high - low));
+        let highest = normal.dot(middle) + normal.abs().dot(half);
+        let size = (middle.abs() + half).element_sum();
+        let coordinates = (low.abs() + high.abs() + position.abs()).element_sum();
+        highest < -BELOW * size - 4.0 * f64::EPSILON * coordinates
+    }
+}
+
 /// Where faces and contours come from and go to.
 pub(super) struct Found<'a> {
     pub(super) beams: &'a mut Beams,
@@ -112,8 +127,15 @@ impl<P: Copy> Tracer<P> {
         }
 
         self.crossings.clear();
-        (0..edges.groups() as u32).for_each(|group| self.choose(group, look, found));
-        self.counts = self.crossings.counts();
+        let mut sunken = 0;
+        for (group, &box_) in (0..edges.groups() as u32).zip(edges.group_boxes().first().into_iter().flatten()) {
+            if look.is_sunken(box_) {
+                sunken += 1;
+            } else {
+                self.choose(group, look, found);
+            }
+        }
+        self.counts = Counts { sunken, ..self.crossings.counts() };
         let sight = match (self.counts.above, depth) {
             (0, 0) => Some((Sight::Open, look.skips.open_receivers)),
             (0, _) => Some((Sight::Enclosed, look.skips.enclosed_receivers)),
@@ -163,6 +185,10 @@ impl<P: Copy> Tracer<P> {
                 self.enter(0..edges.groups() as u32, depths, look, found);
                 break;
             }
+            if look.is_sunken(boxes[level][index as usize]) {
+                self.counts.sunken += self.leave_out(level, index, edges, |_| {});
+                continue;
+            }
             // What covers the isolines' start meets them while nothing else has been put before them.
             let is_first = !has_entered && level == 0;
             if !is_taken && !is_first {
@@ -172,7 +198,12 @@ impl<P: Copy> Tracer<P> {
             }
             self.credit -= (TEST + self.front.len() / 8) as i64;
             if !is_first && !self.front.meets(position, boxes[level][index as usize]) {
-                self.hide(level, index, edges);
+                let mut saved = 0.0;
+                let hidden = self.leave_out(level, index, edges, |group| {
+                    saved += SAVED * (edges.group_edges(group).len() as f64).sqrt();
+                });
+                self.counts.hidden += hidden;
+                self.credit += saved as i64;
             } else if level == 0 {
                 self.enter(index..index + 1, depths, look, found);
                 (is_taken, has_entered) = (false, true);
@@ -215,18 +246,19 @@ impl<P: Copy> Tracer<P> {
         }
     }
 
-    /// Counts the groups in a box that cannot be seen.
-    fn hide(&mut self, level: usize, index: u32, edges: &DualBvh) {
+    /// Leaves out the groups in a box that have been neither put before the isolines nor left out, and calls `each` with them; returns
+    /// their number.
+    fn leave_out(&mut self, level: usize, index: u32, edges: &DualBvh, mut each: impl FnMut(u32)) -> usize {
         let below = 8u32.pow(level as u32);
         let groups = index * below..((index + 1) * below).min(edges.groups() as u32);
+        let mut count = 0;
         for group in groups {
-            if std::mem::replace(&mut self.done[group as usize], self.receiver) == self.receiver {
-                continue;
+            if std::mem::replace(&mut self.done[group as usize], self.receiver) != self.receiver {
+                count += 1;
+                each(group);
             }
-            self.counts.hidden += 1;
-            let contours = (edges.group_edges(group).len() as f64).sqrt();
-            self.credit += (SAVED * contours) as i64;
         }
+        count
     }
 
     /// Puts boxes of one level on the stack, the nearest last, and of those around the receiver the smallest.
