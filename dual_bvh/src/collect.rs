@@ -142,6 +142,7 @@ fn certain_sign(tile: &Tile<'_>, n: DVec3, anchor: DVec3) -> Option<i8> {
     let value = plane_value(n, anchor, tile.center);
     // Rounding of the value, at the centre and at the receiver, is below 16 units of roundoff of the length of its terms.
     let arm = (tile.center - anchor).abs().element_sum() + tile.radius;
-    let bound = n.length() * (tile.radius + 16.0 * f64::EPSILON * arm) + f64::MIN_POSITIVE;
+    let reach = (n.length() * tile.radius).min(n.abs().dot(tile.half));
+    let bound = reach + n.length() * 16.0 * f64::EPSILON * arm + f64::MIN_POSITIVE;
     (value.abs() > bound).then(|| sign(value))
 }

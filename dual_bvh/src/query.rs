@@ -11,8 +11,10 @@ pub(crate) struct Query {
     /// The centre as the sum of two singles.
     high: [f32; 3],
     low: [f32; 3],
-    /// Distance from the centre that the planes' values must exceed to be certain.
+    /// Distances from the centre of which the planes' values must exceed one to be certain: the ball's radius, and that of the box,
+    /// along a normal.
     margin: f32,
+    half: [f32; 3],
     pub(crate) horizon: Option<Horizon>,
 }
 
@@ -31,20 +33,23 @@ impl Query {
         // What two singles leave of the centre, and what underflows.
         let rest = tile.center.abs().element_sum() / (1u64 << 48) as f64 + 64.0 * f64::from(f32::MIN_POSITIVE);
         let distance = (tile.radius + rest) * (1.0 + SLACK);
+        let half = (tile.half + rest) * (1.0 + SLACK);
         let horizon = tile.horizon.map(|(low, high)| {
             let normal = (0.5 * (low + high)).to_array().map(|x| x as f32);
             let middle = DVec3::from_array(normal.map(f64::from));
-            let half = (high - middle).max(middle - low);
-            let size = middle.abs() + half;
+            let spread = (high - middle).max(middle - low);
+            let size = middle.abs() + spread;
             let slack = SLACK * size.element_sum();
             Horizon {
                 normal,
-                half: half.to_array().map(|x| up(x * (1.0 + SLACK) + slack)),
+                half: spread.to_array().map(|x| up(x * (1.0 + SLACK) + slack)),
                 size: size.to_array().map(|x| up(x * (1.0 + SLACK))),
-                margin: up(distance * size.length() * (1.0 + SLACK) + f64::from(f32::MIN_POSITIVE)),
+                margin: up(
+                    (distance * size.length()).min(half.dot(size)) * (1.0 + SLACK) + f64::from(f32::MIN_POSITIVE)
+                ),
             }
         });
-        Self { high, low, margin: up(distance), horizon }
+        Self { high, low, margin: up(distance), half: half.to_array().map(up), horizon }
     }
 }
 
@@ -64,14 +69,16 @@ pub(crate) struct NodeTest {
     q: [Lanes; 3],
     /// Plane values in the middle of the bounds.
     middle: Lanes,
-    /// Half widths of the plane values, without the tile's margin.
+    /// Half widths of the plane values, without those that follow from the tile's size, and these.
     spread: Lanes,
+    margin: Lanes,
 }
 
 impl NodeTest {
     /// A child is dropped if all its planes have the same sign from anywhere in the tile, |n . q + d| > spread + margin for the
     /// middle of its bounds, or if its box lies below all horizons, n . (x - p) < 0 for all x, p and n. See [`SLACK`] for the
-    /// rounding; comparisons with an overflown term are false and keep the child.
+    /// rounding, also that of the margin in the tile's box, five sums and products; comparisons with an overflown term are false
+    /// and keep the child.
     #[inline(always)]
     pub(crate) fn new<const DUAL: bool>(node: &Node, query: &Query) -> Self {
         let mut q = [[0.0; WIDTH]; 3];
@@ -80,7 +87,7 @@ impl NodeTest {
                 q[axis][j] = (query.high[axis] - node.center[axis][j]) + query.low[axis];
             }
         }
-        let (mut middle, mut spread) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let (mut middle, mut spread, mut margin) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
         let mut dropped = [false; WIDTH];
         if DUAL {
             for j in 0..WIDTH {
@@ -89,7 +96,10 @@ impl NodeTest {
                 let [hx, hy, hz] = &node.normal_half;
                 middle[j] = nx[j] * x + ny[j] * y + nz[j] * z + node.offset[j];
                 spread[j] = hx[j] * x.abs() + hy[j] * y.abs() + hz[j] * z.abs() + node.offset_half[j];
-                dropped[j] = middle[j].abs() > spread[j] + query.margin;
+                let [sx, sy, sz] = query.half;
+                let reach = sx * (nx[j].abs() + hx[j]) + sy * (ny[j].abs() + hy[j]) + sz * (nz[j].abs() + hz[j]);
+                margin[j] = if reach < query.margin { reach } else { query.margin };
+                dropped[j] = middle[j].abs() > spread[j] + margin[j];
             }
         }
         if let Some(Horizon { normal: [nx, ny, nz], half: [hx, hy, hz], size: [sx, sy, sz], margin }) = &query.horizon {
@@ -101,7 +111,7 @@ impl NodeTest {
                 dropped[j] |= depth > reach + margin;
             }
         }
-        Self { kept: !bits(&dropped), q, middle, spread }
+        Self { kept: !bits(&dropped), q, middle, spread, margin }
     }
 
     /// The terms of child `j`, a leaf.
@@ -109,7 +119,7 @@ impl NodeTest {
     /// A plane's fractions are rounded to the grid by at most half a step, in sum at most spread / (2 STEPS). Rounding of its value
     /// is at most 16 u (|q|_1 + |d| + spread), and 2^-12 spread pays for the plane itself.
     #[inline(always)]
-    pub(crate) fn leaf(&self, leaf: u32, j: usize, node: &Node, query: &Query) -> LeafHit {
+    pub(crate) fn leaf(&self, leaf: u32, j: usize, node: &Node) -> LeafHit {
         const GRID: f32 = 0.5 / STEPS + 1.0 / 4096.0 + SLACK as f32;
         let [x, y, z] = [self.q[0][j], self.q[1][j], self.q[2][j]];
         let rounding = SLACK as f32 * (x.abs() + y.abs() + z.abs() + node.offset[j].abs());
@@ -122,7 +132,7 @@ impl NodeTest {
                 node.normal_half[2][j] * z * (1.0 / STEPS),
                 node.offset_half[j] * (1.0 / STEPS),
             ],
-            margin: query.margin + GRID * self.spread[j] + rounding,
+            margin: self.margin[j] + GRID * self.spread[j] + rounding,
         }
     }
 }

@@ -115,7 +115,7 @@ impl DualBvh {
         out.clear(self);
         let mut scratch = std::mem::take(&mut out.scratch);
         let mut everywhere = Tile::lone(DVec3::ZERO, None);
-        everywhere.radius = f64::INFINITY;
+        (everywhere.radius, everywhere.half) = (f64::INFINITY, DVec3::INFINITY);
         for group in 0..self.groups() as u32 {
             scratch.hits.clear();
             scratch.hits.extend(self.group_edges(group));
@@ -151,7 +151,7 @@ impl Group {
         let Scratch { nodes, children, leaves, hits, excluded, .. } = scratch;
         leaves.clear();
         let tested = descend::<true>(&self.balanced, query, nodes, children, |test, node, leaf, j| {
-            leaves.push(test.leaf(leaf, j, node, query));
+            leaves.push(test.leaf(leaf, j, node));
         });
         let mut edges = 0;
         let mut found = hits.len();

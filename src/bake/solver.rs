@@ -130,7 +130,7 @@ impl<'a> Solver<'a> {
         let mut counts = Counts::default();
         // On an edge that is not its own the receiver sees that edge in all directions of a half circle, which the contours
         // do not tell.
-        let first = if self.is_on_foreign_edge(receiver) { self.attempts().len() - 1 } else { 0 };
+        let first = if self.is_on_foreign_edge(receiver, &mut memory.view) { self.attempts().len() - 1 } else { 0 };
         for (number, attempt) in self.attempts().into_iter().enumerate().skip(first) {
             let alarm = match attempt {
                 Attempt::Isolines { frame } => self.along_isolines(frame, receiver, memory, &mut counts),
@@ -159,9 +159,10 @@ impl<'a> Solver<'a> {
     }
 
     /// Whether the receiver lies, as far as its contours can tell, on an edge or a corner of a face that it does not leave out.
-    fn is_on_foreign_edge(&self, Receiver { position, excluded, .. }: Receiver) -> bool {
+    fn is_on_foreign_edge(&self, receiver: Receiver, view: &mut View) -> bool {
+        let Receiver { position, excluded, .. } = receiver;
         let mut found = false;
-        self.viewer.faces.visit_around(position, |face| {
+        self.viewer.visit_around(receiver, view, |face| {
             let [a, b, c] = self.viewer.faces.corners(face).map(|corner| corner.as_dvec3() - position);
             let is_between = |a: DVec3, b: DVec3| a.dot(b) <= 0.0 && a.cross(b - a) == DVec3::ZERO;
             let holds = is_between(a, b) || is_between(b, c) || is_between(c, a);

@@ -98,7 +98,8 @@ impl LineHarmonics {
             values.resize(self.order.len(), 0.0);
         }
         match self.order.bands() {
-            ..=4 => self.sum::<4>(spans, moments),
+            ..=2 => self.sum::<2>(spans, moments),
+            3..=4 => self.sum::<4>(spans, moments),
             5..=8 => self.sum::<8>(spans, moments),
             _ => self.sum::<12>(spans, moments),
         }

@@ -55,17 +55,44 @@ impl FaceTree {
     }
 
     /// Calls `visit` with every face that the ray from `origin` may meet, in no particular order, until it breaks.
-    pub fn visit(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
+    pub fn visit(&self, origin: DVec3, direction: DVec3, visit: impl FnMut(u32) -> ControlFlow<()>) {
+        self.visit_beam([origin; 2], direction, visit);
+    }
+
+    /// Calls `visit` with every face that a ray in this direction from anywhere in a box, given by its lowest and highest corner, may
+    /// meet, or that may touch the box if there is no direction (zero), in no particular order, until it breaks.
+    pub fn visit_beam(&self, origins: [DVec3; 2], direction: DVec3, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
         let Some((tree, scale)) = &self.tree else { return };
-        let slab = Slab::new(origin * *scale, direction);
-        self.descend(tree, |node| slab.meets(node), &mut visit);
+        let slab = Slab::new(origins.map(|origin| origin * *scale), direction);
+        let mut stack = SmallVec::<[u32; 64]>::new();
+        if slab.meets(&tree.nodes[0]) {
+            stack.push(0);
+        }
+        while let Some(index) = stack.pop() {
+            let node = &tree.nodes[index as usize];
+            if node.is_leaf() {
+                for group in self.groups_of(tree, node) {
+                    for &face in group {
+                        if visit(face).is_break() {
+                            return;
+                        }
+                    }
+                }
+                continue;
+            }
+            for child in [node.first_index, node.first_index + 1] {
+                if slab.meets(&tree.nodes[child as usize]) {
+                    stack.push(child);
+                }
+            }
+        }
     }
 
     /// Calls `visit` with faces that the ray from `origin` along the unit vector `direction` may meet, near boxes first. `visit`
     /// returns the distance beyond which it wants no more: infinity for all, the nearest hit's for that one.
     pub fn visit_ordered(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32) -> f64) {
         let Some((tree, scale)) = &self.tree else { return };
-        let slab = Slab::new(origin * *scale, direction);
+        let slab = Slab::new([origin * *scale; 2], direction);
         let enter = |index: u32| slab.enter(&tree.nodes[index as usize]).map(|near| (index, near));
         let mut limit = f64::INFINITY;
         let mut stack = SmallVec::<[(u32, f64); 64]>::from_iter(enter(0));
@@ -75,7 +102,7 @@ impl FaceTree {
             }
             let node = &tree.nodes[index as usize];
             if node.is_leaf() {
-                for face in self.faces_of(tree, node) {
+                for &face in self.groups_of(tree, node).flatten() {
                     limit = visit(face) * scale;
                 }
                 continue;
@@ -90,58 +117,20 @@ impl FaceTree {
 
     /// Calls `visit` with every face whose box holds `point`, or nearly does, in no particular order.
     pub fn visit_around(&self, point: DVec3, mut visit: impl FnMut(u32)) {
-        let Some((tree, scale)) = &self.tree else { return };
-        let point = point * *scale;
-        let holds = |node: &Bvh2Node| {
-            let (low, high) = (node.min.as_dvec3(), node.max.as_dvec3());
-            let slack = DVec3::splat(slack(low, high, point));
-            (point.cmpge(low - slack) & point.cmple(high + slack)).all()
-        };
-        self.descend(tree, holds, |face| {
+        self.visit_beam([point; 2], DVec3::ZERO, |face| {
             visit(face);
             ControlFlow::Continue(())
         });
     }
 
-    /// Visits the faces in all leaves whose own box and those above it are `wanted`, until `visit` breaks.
-    fn descend(&self, tree: &Bvh2, wanted: impl Fn(&Bvh2Node) -> bool, mut visit: impl FnMut(u32) -> ControlFlow<()>) {
-        let mut stack = SmallVec::<[u32; 64]>::new();
-        if wanted(&tree.nodes[0]) {
-            stack.push(0);
-        }
-        while let Some(index) = stack.pop() {
-            let node = &tree.nodes[index as usize];
-            if node.is_leaf() {
-                for face in self.faces_of(tree, node) {
-                    if visit(face).is_break() {
-                        return;
-                    }
-                }
-                continue;
-            }
-            let children = [node.first_index, node.first_index + 1];
-            for child in children {
-                if wanted(&tree.nodes[child as usize]) {
-                    stack.push(child);
-                }
-            }
-        }
-    }
-
-    /// The faces in a leaf.
-    fn faces_of(&self, tree: &Bvh2, leaf: &Bvh2Node) -> impl Iterator<Item = u32> {
+    /// The groups of faces in a leaf.
+    fn groups_of(&self, tree: &Bvh2, leaf: &Bvh2Node) -> impl Iterator<Item = &[u32]> {
         let range = leaf.first_index as usize..(leaf.first_index + leaf.prim_count) as usize;
-        tree.primitive_indices[range].iter().flat_map(|&group| {
+        tree.primitive_indices[range].iter().map(|&group| {
             let [start, end] = [0, 1].map(|next| self.groups.starts[group as usize + next] as usize);
-            self.groups.faces[start..end].iter().copied()
+            &self.groups.faces[start..end]
         })
     }
-}
-
-/// By how much a box is widened. Beside the rounding of coordinates this covers what scaling the tree's boxes takes from
-/// denormal ones.
-fn slack(low: DVec3, high: DVec3, point: DVec3) -> f64 {
-    SLACK * (low.abs().max(high.abs()).max_element() + point.abs().max_element()) + f64::from(f32::MIN_POSITIVE)
 }
 
 /// A tree over boxes, lowest and highest corner each, of which there must be one at least, with at most `leaf` in a leaf; and
@@ -185,22 +174,27 @@ impl Boundable for Bounds {
     }
 }
 
-/// A ray prepared for the slab test, in f64, with boxes that are widened by [`SLACK`] of the largest coordinates.
+/// Rays of one direction prepared for the slab test, in f64, with boxes that are widened by [`SLACK`] of the largest coordinates.
 struct Slab {
-    /// The origin, less by how much the low sides of boxes are moved, and the high ones.
+    /// The highest origin, less by how much the low sides of boxes are moved, and the lowest and the high ones.
     low: DVec3,
     high: DVec3,
     inverse: DVec3,
+    /// How far the rays go: not at all without a direction.
+    limit: f64,
 }
 
 impl Slab {
-    fn new(origin: DVec3, direction: DVec3) -> Self {
-        // The coordinates of the tree's boxes are at most 1.
-        let slack = DVec3::splat(slack(DVec3::ONE, DVec3::ONE, origin));
+    fn new([low, high]: [DVec3; 2], direction: DVec3) -> Self {
+        // The coordinates of the tree's boxes are at most 1. Beside the rounding of coordinates this covers what scaling these boxes
+        // takes from denormal ones.
+        let largest = 1.0 + low.abs().max(high.abs()).max_element();
+        let slack = DVec3::splat(SLACK * largest + f64::from(f32::MIN_POSITIVE));
         // Along a side the quotients must be numbers.
         let along = |x: f64| if x.abs() < 1e-300 { 1e-300f64.copysign(x) } else { x };
+        let limit = if direction == DVec3::ZERO { 0.0 } else { f64::INFINITY };
         let direction = DVec3::from_array(direction.to_array().map(along));
-        Self { low: origin + slack, high: origin - slack, inverse: direction.recip() }
+        Self { low: high + slack, high: low - slack, inverse: direction.recip(), limit }
     }
 
     #[inline(always)]
@@ -208,12 +202,37 @@ impl Slab {
         self.enter(node).is_some()
     }
 
-    /// Where the ray enters a box that it meets, or earlier.
+    /// Where a ray enters a box that it meets, or earlier.
     #[inline(always)]
     fn enter(&self, node: &Bvh2Node) -> Option<f64> {
         let a = (node.min.as_dvec3() - self.low) * self.inverse;
         let b = (node.max.as_dvec3() - self.high) * self.inverse;
-        let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+        let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(self.limit));
         (near <= far * (1.0 + SLACK)).then_some(near)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of steps along the diagonal.
+    #[test]
+    fn around_a_point_are_the_faces_that_touch_it_and_few_others() {
+        let step = |i: u32| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|corner| corner + 3.0 * i as f32);
+        let positions: Vec<Vec3> = (0..500).flat_map(step).collect();
+        let tree = FaceTree::new(positions.into(), (0..500).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect());
+        for i in 0..500u32 {
+            let point = DVec3::splat(3.0 * f64::from(i));
+            let mut around = Vec::new();
+            tree.visit_around(point, |face| around.push(face));
+            assert!(around.contains(&i) && around.len() <= 2 * FaceGroups::MOST, "{i}: {around:?}");
+            let mut along = Vec::new();
+            tree.visit(point, DVec3::ONE, |face| {
+                along.push(face);
+                ControlFlow::Continue(())
+            });
+            assert!((i..500).all(|face| along.contains(&face)));
+        }
     }
 }

@@ -2,8 +2,8 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3, Vec3};
 
+use super::beams::Rays;
 use super::crossings::{Arcs, Pieces};
-use crate::scene::FaceTree;
 
 /// A chart of the sphere with isolines that start well above the horizon and are followed down to it.
 ///
@@ -50,7 +50,7 @@ pub(super) trait Chart: Sized {
     /// Whether a face does is decided with the very predicates and signs that the contours use. So the counts belong to the same
     /// (symbolically perturbed) picture as the jumps, and stay consistent with them when the ray meets vertices or edges, or the
     /// receiver lies in a face's plane.
-    fn count(outlook: Outlook<Self>, faces: &FaceTree, excluded: &[u32], covers: impl FnMut(u32, i32));
+    fn count(outlook: Outlook<Self>, rays: Rays, excluded: &[u32], covers: impl FnMut(u32, i32));
 
     /// Positions where the isolines meet the horizon, or end.
     fn horizons(outlook: Outlook<Self>, out: &mut Vec<f64>);

@@ -1,5 +1,6 @@
 //! From the contours seen by a receiver to the visible region.
 
+mod beams;
 mod chart;
 mod contours;
 mod crossings;

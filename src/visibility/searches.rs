@@ -16,21 +16,21 @@ pub(super) struct Searches {
 /// How a tile's receivers get at their contours in a group.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Sharing {
-    /// Nobody has looked yet.
-    #[default]
-    Unknown,
-    /// One has searched for itself, and has found so many candidates.
-    Once(usize),
     /// All share one search.
+    #[default]
     Shared,
     /// Each searches for itself: together there would be so many candidates.
     Alone(usize),
+    /// So they did, but the next one searches for all.
+    Due,
 }
 
 /// A group is searched for each receiver alone while for the tile together there would be more candidates than so many and this
 /// many times those of one: the contours of the body on which they lie, above all, are others for each of them.
 const MANY: usize = 400;
 const EXCESS: usize = 20;
+/// So many candidates one is expected to have before it is known.
+const EXPECTED: usize = 20;
 
 /// In tiles of fewer receivers, and in groups of more edges, nobody searches alone: it shows what sharing costs, but may be in vain.
 const SOME: usize = 8;
@@ -82,11 +82,9 @@ impl Searches {
         candidates.contours_in(part, wanted.position, wanted.excluded, contours);
         let (_, sharing) = &mut self.sharing[group as usize];
         let count = part.edges.len();
-        *sharing = match *sharing {
-            Sharing::Unknown => Sharing::Once(count),
-            Sharing::Alone(together) if !are_too_many(together, count) => Sharing::Once(count),
-            other => other,
-        };
+        if matches!(*sharing, Sharing::Alone(together) if !are_too_many(together, count)) {
+            *sharing = Sharing::Due;
+        }
         part.clone()
     }
 
@@ -100,15 +98,16 @@ impl Searches {
         if *tile != self.tile {
             let Tile { center, radius, .. } = whole;
             let distance = distance_squared(edges.group_boxes()[0][group as usize], center.as_vec3());
-            (*tile, *sharing) = (self.tile, Sharing::Unknown);
             let is_large = edges.group_edges(group).len() > LARGE;
-            if f64::from(distance) > radius * radius || self.receivers < SOME || is_large {
-                *sharing = Sharing::Shared;
-                edges.search_group(group, &whole, candidates);
-            }
-        } else if let Sharing::Once(alone) = *sharing {
-            let together = edges.search_few(group, &whole, MANY + EXCESS * alone, candidates);
-            *sharing = if are_too_many(together, alone) { Sharing::Alone(together) } else { Sharing::Shared };
+            let is_apart = f64::from(distance) > radius * radius;
+            let is_shared = is_apart || self.receivers < SOME || is_large;
+            let most = if is_shared { usize::MAX } else { MANY + EXCESS * EXPECTED };
+            let together = edges.search_few(group, &whole, most, candidates);
+            *tile = self.tile;
+            *sharing = if together > most { Sharing::Alone(together) } else { Sharing::Shared };
+        } else if *sharing == Sharing::Due {
+            *sharing = Sharing::Shared;
+            edges.search_group(group, &whole, candidates);
         }
         if *sharing != Sharing::Shared {
             let lone = Tile::lone(position, horizon).with_faces(excluded);

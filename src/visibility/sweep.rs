@@ -7,6 +7,8 @@ use super::spans::Spans;
 /// zero, and those on which it is another than on their [partner](Chart::partner) where both end.
 ///
 /// Nowrouzezahrai et al. 2014, section 3.2, with W known from the start instead of shifted to a minimum of zero.
+// Within its caller it is a fifth slower.
+#[inline(never)]
 pub(super) fn sweep<C: Chart>(
     outlook: Outlook<C>,
     crossings: &mut Crossings<C::Piece>,

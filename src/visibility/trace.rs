@@ -4,6 +4,7 @@ use dual_bvh::{Candidates, Contours, DualBvh};
 use glam::Vec3;
 use smallvec::SmallVec;
 
+use super::beams::{Beams, Rays};
 use super::chart::{Chart, Outlook};
 use super::crossings::{Counts, Crossings};
 use super::front::{Front, distance_squared};
@@ -80,17 +81,19 @@ impl<C> Look<'_, C> {
     }
 }
 
-/// Where contours come from and go to.
+/// Where faces and contours come from and go to.
 pub(super) struct Found<'a> {
+    pub(super) beams: &'a mut Beams,
     pub(super) searches: &'a mut Searches,
     pub(super) candidates: &'a mut Candidates,
     pub(super) contours: &'a mut Contours,
 }
 
 /// The depth complexity where W is counted, by group.
-fn depths<C: Chart>(look: Look<C>) -> SmallVec<[(u32, i32); 8]> {
+fn depths<C: Chart>(look: Look<C>, found: &mut Found) -> SmallVec<[(u32, i32); 8]> {
     let mut depths = SmallVec::<[(u32, i32); 8]>::new();
-    C::count(look.outlook, look.faces, look.wanted.excluded, |face, covers| {
+    let rays = Rays { faces: look.faces, tile: look.wanted.tile, beams: found.beams };
+    C::count(look.outlook, rays, look.wanted.excluded, |face, covers| {
         let group = look.wanted.edges.group_of(face);
         match depths.iter_mut().find(|(of, _)| *of == group) {
             Some((_, depth)) => *depth += covers,
@@ -114,7 +117,7 @@ impl<P: Copy> Tracer<P> {
     pub(super) fn trace<C: Chart<Piece = P>>(&mut self, look: Look<C>, found: &mut Found, spans: &mut Spans) -> Sight {
         let edges = look.wanted.edges;
         let outlook = look.outlook;
-        let depths = depths(look);
+        let depths = depths(look, found);
         let depth: i32 = depths.iter().map(|(_, depth)| depth).sum();
         let lines = outlook.chart.lines();
         if !std::mem::replace(&mut self.has_credit, true) {
@@ -158,13 +161,14 @@ impl<P: Copy> Tracer<P> {
     /// The groups of which something may be seen along the isolines, whatever it costs to tell.
     pub(super) fn reach<C: Chart<Piece = P>>(&mut self, look: Look<C>, found: &mut Found) -> &[u32] {
         self.credit = i64::MAX / 2;
-        self.walk(&depths(look), look, found);
+        let depths = depths(look, found);
+        self.walk(&depths, look, found);
         &self.entered
     }
 
     /// Chooses the contours of a group, searching it if that has not been done.
     fn choose<C: Chart<Piece = P>>(&mut self, group: u32, look: Look<C>, found: &mut Found) {
-        let Found { searches, candidates, contours } = found;
+        let Found { searches, candidates, contours, .. } = found;
         let part = searches.contours(group, look.wanted, candidates, contours);
         self.crossings.choose(look.outlook, candidates, &part, contours, !look.skips.between_isolines);
     }

@@ -1,6 +1,7 @@
 use dual_bvh::{Candidates, Contours, DualBvh, Tile};
 use glam::{DMat3, DVec3};
 
+use super::beams::{Beams, Rays};
 use super::chart::{Chart, Outlook};
 use super::depth::count_along;
 use super::exact::{self, Region};
@@ -58,6 +59,7 @@ pub struct View {
     tile: Option<Tile<'static>>,
     /// Whether all groups have been searched for it, one after another.
     is_searched: bool,
+    beams: Beams,
     candidates: Candidates,
     contours: Contours,
     projected: ReceiverContours,
@@ -109,10 +111,18 @@ impl Viewer<'_> {
         view.along_meridians.begin();
         view.along_isolines.begin();
         view.visible_set.begin();
+        view.beams.begin();
         let tile = Tile::new(receivers.map(|r| (r.position, r.normal)));
         view.tile = Some(tile);
         view.is_searched = false;
         self.edges.begin(&tile.with_faces(&view.excluded), &mut view.candidates);
+    }
+
+    /// Calls `visit` with every face that may touch a receiver among those approached, in no particular order.
+    pub fn visit_around(&self, receiver: Receiver, view: &mut View, visit: impl FnMut(u32)) {
+        let Receiver { position, normal, .. } = receiver;
+        let tile = view.tile.unwrap_or(Tile::lone(position, normal));
+        Rays { faces: self.faces, tile, beams: &mut view.beams }.visit(position, DVec3::ZERO, visit);
     }
 
     /// Searches all edges that may be contours for any of the receivers approached.
@@ -173,8 +183,8 @@ impl Viewer<'_> {
         let mut taken = std::mem::take(tracer(view));
         let wanted = self.wanted(receiver, skips, view.tile, &view.excluded, view.is_searched);
         let look = Look { faces: self.faces, outlook: Outlook { chart, axes, position, normal }, wanted, skips };
-        let View { searches, candidates, contours, .. } = view;
-        let sight = taken.trace(look, &mut Found { searches, candidates, contours }, &mut view.spans);
+        let View { beams, searches, candidates, contours, .. } = view;
+        let sight = taken.trace(look, &mut Found { beams, searches, candidates, contours }, &mut view.spans);
         view.counts = taken.counts();
         *tracer(view) = taken;
         sight
@@ -237,11 +247,11 @@ impl Viewer<'_> {
 
     /// By the contours of bodies that may be seen; returns whether the outcome is certain.
     fn solve_visible(&self, frame: u32, receiver: Receiver, normal: DVec3, skips: Skips, view: &mut View) -> bool {
-        let View { excluded, tile, is_searched, candidates, contours, projected, searches, visible_set, exact, .. } =
-            view;
+        let View { excluded, tile, is_searched, visible_set, projected, exact, .. } = view;
         let wanted = self.wanted(receiver, skips, *tile, excluded, *is_searched);
         let eye = Eye { faces: self.faces, wanted, normal, frame };
-        visible_set.solve(eye, &mut Found { searches, candidates, contours }, projected, exact)
+        let View { beams, searches, candidates, contours, .. } = view;
+        visible_set.solve(eye, &mut Found { beams, searches, candidates, contours }, projected, exact)
     }
 }
 

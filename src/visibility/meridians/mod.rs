@@ -3,15 +3,15 @@
 mod pieces;
 
 use std::f64::consts::TAU;
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
-use super::chart::{Chart, Outlook, Sector, is_beside};
+use super::beams::Rays;
+use super::chart::{Chart, Outlook, Sector};
 use super::contours::{arc_plane, sides};
 use super::crossings::{Arcs, Pieces};
-use crate::scene::FaceTree;
 use crate::sphere::rough_angle;
 use crate::{Error, Result};
 use pieces::{Circles, Piece, Way};
@@ -120,6 +120,29 @@ impl MeridianFrame {
     }
 }
 
+/// Whether a triangle, given by its corners in the chart's axes, covers the direction -z, where it is clear whatever the rounding.
+#[inline(always)]
+fn covers_start([a, b, c]: [DVec3; 3]) -> Option<bool> {
+    const MARGIN: f64 = 1e-6;
+    let margin = MARGIN * a.abs().max(b.abs()).max(c.abs()).element_sum();
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    if (low.max_element() > margin) | (high.x.min(high.y) < -margin) {
+        return Some(false);
+    }
+    // On which side of each edge the axis passes, if not too close.
+    let side = |a: DVec3, b: DVec3| {
+        let area = a.x * b.y - a.y * b.x;
+        let is_clear = area.abs() > margin * ((b.x - a.x).abs() + (b.y - a.y).abs());
+        if is_clear { area.signum() as i32 } else { 0 }
+    };
+    let sides = [side(a, b), side(b, c), side(c, a)];
+    match (sides.contains(&1), sides.contains(&-1), sides.contains(&0)) {
+        (true, true, _) => Some(false),
+        (_, _, false) if high.z < -margin => Some(true),
+        _ => None,
+    }
+}
+
 /// Angle of ties.
 const TIE: f64 = 1e-9;
 
@@ -178,16 +201,24 @@ impl Chart for Meridians {
     fn bases(_: Outlook<Self>, _: &[i32], _: &mut Vec<i32>) {}
 
     /// A face covers the start if the isolines leave it once more often than they enter it, on whichever of them.
-    fn count(outlook: Outlook<Self>, faces: &FaceTree, excluded: &[u32], mut covers: impl FnMut(u32, i32)) {
+    fn count(outlook: Outlook<Self>, rays: Rays, excluded: &[u32], mut covers: impl FnMut(u32, i32)) {
         let Outlook { chart, axes, position, .. } = outlook;
         let lines = chart.len();
-        faces.visit(position, -axes.z_axis, |face| {
+        let faces = rays.faces;
+        rays.visit(position, -axes.z_axis, |face| {
             let [a, b, c] = faces.corners(face);
             let corners = [a, b, c].map(|x| x.as_dvec3());
             let directions = corners.map(|x| x - position);
-            if !is_beside(directions, [axes.x_axis, axes.y_axis]) && !excluded.contains(&face) {
+            let turned = directions.map(|w| outlook.apply(w));
+            let is_clear = covers_start(turned);
+            if is_clear == Some(false) || excluded.contains(&face) {
+                return;
+            }
+            if is_clear == Some(true) {
+                covers(face, 1);
+            } else {
                 let sign = i32::from(face_sign(position, a, b, c));
-                let places = directions.map(|w| chart.place(outlook.apply(w)));
+                let places = turned.map(|w| chart.place(w));
                 let mut total = 0;
                 for (a, b, orientation) in sides(faces.vertices(face)) {
                     let plane = || outlook.apply(arc_plane(directions[a], corners[a], corners[b]));
@@ -198,7 +229,6 @@ impl Chart for Meridians {
                     covers(face, -total);
                 }
             }
-            ControlFlow::Continue(())
         });
     }
 

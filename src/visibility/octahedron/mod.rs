@@ -4,16 +4,16 @@ mod pieces;
 
 use std::f32::consts::FRAC_1_SQRT_2;
 use std::f64::consts::SQRT_2;
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
+use super::beams::Rays;
 use super::chart::{Chart, Outlook, Sector, is_beside};
 use super::contours::{arc_plane, sides};
 use super::crossings::{Arcs, Pieces};
 use super::spans::Spans;
-use crate::scene::FaceTree;
 use crate::{Error, Result};
 use pieces::{Passage, Piece, Place, Slopes, passage, spine_jump};
 
@@ -158,13 +158,14 @@ impl Chart for Isolines {
         out.extend_from_within(..);
     }
 
-    fn count(outlook: Outlook<Self>, faces: &FaceTree, excluded: &[u32], mut covers: impl FnMut(u32, i32)) {
+    fn count(outlook: Outlook<Self>, rays: Rays, excluded: &[u32], mut covers: impl FnMut(u32, i32)) {
         let Outlook { chart, axes, position, .. } = outlook;
         let line = base_line(outlook);
         let u = chart.u(line);
         let (start, normals) = (DVec3::new(u, 0.0, 1.0 - u.abs()), [DVec3::Y, DVec3::new(1.0 - u.abs(), 0.0, -u)]);
         let normals = normals.map(|normal| axes * normal);
-        faces.visit(position, axes * start, |face| {
+        let faces = rays.faces;
+        rays.visit(position, axes * start, |face| {
             let [a, b, c] = faces.corners(face);
             let corners = [a, b, c].map(|x| x.as_dvec3());
             let directions = corners.map(|x| x - position);
@@ -187,7 +188,6 @@ impl Chart for Isolines {
                     covers(face, depth);
                 }
             }
-            ControlFlow::Continue(())
         });
     }
 
