@@ -180,7 +180,7 @@ impl Candidates {
 
     fn contours_of(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+        if crate::has_avx512() {
             // SAFETY: the processor has the features.
             return unsafe { self.contours_avx512(parts, receiver, excluded, out) };
         } else if is_x86_feature_detected!("avx2") {
@@ -198,7 +198,7 @@ impl Candidates {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn contours_avx2(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+    pub(crate) fn contours_avx2(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         self.contours_inline(parts, receiver, excluded, out);
     }
 

@@ -56,6 +56,7 @@ mod dual;
 mod edge;
 mod error;
 mod face;
+mod features;
 mod groups;
 mod node;
 mod numbering;
@@ -77,6 +78,8 @@ pub use crate::contours::{Contour, Contours};
 pub use crate::edge::Incidence;
 pub use crate::error::Error;
 pub use crate::face::{face_normal, face_sign};
+#[cfg(target_arch = "x86_64")]
+pub use crate::features::has_avx512;
 pub use crate::prefetch::prefetch;
 pub use crate::statistics::Statistics;
 pub use crate::tile::Tile;

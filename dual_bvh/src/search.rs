@@ -284,6 +284,13 @@ mod tests {
             portable.contours_inline(portable.parts(), p, &[3, 4], &mut portable_contours);
             assert_eq!(contours.signs(), portable_contours.signs());
             assert_eq!(contours.edges(), portable_contours.edges());
+            #[cfg(target_arch = "x86_64")]
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has the feature.
+                unsafe { portable.contours_avx2(portable.parts(), p, &[3, 4], &mut portable_contours) };
+                assert_eq!(contours.signs(), portable_contours.signs());
+                assert_eq!(contours.edges(), portable_contours.edges());
+            }
         }
     }
 }

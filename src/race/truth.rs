@@ -36,6 +36,8 @@ const RAYS: u32 = 1 << 12;
 const DECIDING_RAYS: u32 = 1 << 16;
 /// Standard errors by which thousands of values may be off rays of eight randomisations, which estimate them roughly.
 const SIGMAS: f64 = 12.0;
+/// The shares of so many rays pass for none: where all rays meet the same, their standard error is zero.
+const SHARES: f64 = 16.0;
 /// Standard errors by which a few disputed values may be.
 const DECIDING_SIGMAS: f64 = 6.0;
 /// A single value may be this many times as wrong as values state on average.
@@ -57,7 +59,9 @@ impl Truth {
         if !disputed.is_empty() {
             let few = receivers.pick(disputed.iter().copied());
             let rays = by(&few, Method::Qmc { samples: DECIDING_RAYS, seed: 1 })?;
-            let contradicted = |arrays: &Arrays| beyond(&rows(arrays, &disputed)?, &rays, DECIDING_SIGMAS, 0.0);
+            // What is smaller than a few rays' share no ray may meet, however many there are.
+            let floor = SHARES / f64::from(DECIDING_RAYS);
+            let contradicted = |arrays: &Arrays| beyond(&rows(arrays, &disputed)?, &rays, DECIDING_SIGMAS, floor);
             let lines_too = contradicted(&lines)?;
             for number in contradicted(&exact)?.into_iter().filter(|number| !lines_too.contains(number)) {
                 exact = with_row(&exact, &lines, disputed[number])?;
@@ -65,7 +69,7 @@ impl Truth {
             }
         }
         let rays = by(receivers, Method::Qmc { samples: RAYS, seed: 2 })?;
-        if let Some(receiver) = beyond(&exact, &rays, SIGMAS, 16.0 / f64::from(RAYS))?.first() {
+        if let Some(receiver) = beyond(&exact, &rays, SIGMAS, SHARES / f64::from(RAYS))?.first() {
             return Err(Error::input(format!("rays contradict the reference at receiver {receiver}: this is a bug")));
         }
         let error = rms(errors(&exact).flat_map(|array| array.data.iter().copied()));
@@ -166,4 +170,43 @@ fn with_row(arrays: &Arrays, other: &Arrays, receiver: usize) -> Result<Arrays> 
 fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     let (count, sum) = values.into_iter().fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));
     (sum / f64::max(count, 1.0)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DVec3, Vec3};
+
+    use super::*;
+    use crate::race::Quantity;
+    use crate::scene::{GeometryBuilder, Mesh};
+
+    /// A hole between the isolines that no ray meets: both agree, and both are wrong.
+    #[test]
+    fn rays_do_not_decide_about_less_than_their_share() {
+        let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+        let square = |x: f32, y: f32, half: f32, z: f32| {
+            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(i, j)| corner(x + half * i, y + half * j, z))
+        };
+        let [hole, ceiling, floor] =
+            [square(0.313, 0.207, 1e-4, 1.0), square(0.0, 0.0, 1.0, 1.0), square(0.0, 0.0, 1.0, -1.0)];
+        let mut mesh = Mesh::new("box", [hole, ceiling, floor].concat(), vec![[8, 9, 10], [8, 10, 11]]);
+        for (inner, outer) in [(0, 4), (4, 8)] {
+            for side in 0..4 {
+                let [a, b] = [side, (side + 1) % 4];
+                mesh.triangles.extend([[inner + a, outer + a, outer + b], [inner + a, outer + b, inner + b]]);
+            }
+        }
+        let mut builder = GeometryBuilder::default();
+        builder.add(mesh, DAffine3::IDENTITY).unwrap();
+        let geometry = builder.build();
+        let receivers = Receivers::points([(DVec3::new(0.01, 0.02, -0.5), DVec3::Z)]);
+        let prepared = Prepared::new(&geometry, None);
+        let truth = Truth::find(&prepared, &receivers, &Quantity::Occlusion.request(), &()).unwrap();
+        let value = truth.arrays.get("ambient_occlusion").unwrap().data[0];
+        // Seen at a distance of 1.5 upwards, and a little aside.
+        let distance = DVec3::new(0.303, 0.187, 1.5);
+        let expected = 4e-8 * 1.5f64.powi(2) / distance.length_squared().powi(2) / std::f64::consts::PI;
+        assert!((value / expected - 1.0).abs() < 1e-2, "{value} {expected}");
+        assert_eq!(truth.replaced, 0);
+    }
 }

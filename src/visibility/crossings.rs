@@ -7,15 +7,6 @@ use super::chart::{Chart, Outlook};
 use super::contours::arc_plane;
 use super::vertices::{BELOW, fill};
 
-/// Whether the processor has the features that kernels in 512 bits use.
-#[cfg(target_arch = "x86_64")]
-fn has_avx512() -> bool {
-    is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512dq")
-}
-
 /// A contour that may cross isolines.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chord {
@@ -169,7 +160,7 @@ impl<P: Copy> Crossings<P> {
         between: bool,
     ) {
         #[cfg(target_arch = "x86_64")]
-        if has_avx512() {
+        if dual_bvh::has_avx512() {
             // SAFETY: the processor has the features.
             return unsafe { self.choose_avx512(outlook, candidates, part, contours, between) };
         } else if is_x86_feature_detected!("avx2") {
@@ -194,7 +185,7 @@ impl<P: Copy> Crossings<P> {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn choose_avx2<C: Chart<Piece = P>>(
+    pub(super) fn choose_avx2<C: Chart<Piece = P>>(
         &mut self,
         outlook: Outlook<C>,
         candidates: &Candidates,
@@ -235,7 +226,7 @@ impl<P: Copy> Crossings<P> {
     /// Crosses the contours that were chosen with the isolines.
     pub(super) fn cross<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
         #[cfg(target_arch = "x86_64")]
-        if has_avx512() {
+        if dual_bvh::has_avx512() {
             // SAFETY: the processor has the features.
             return unsafe { self.cross_avx512(outlook, candidates) };
         } else if is_x86_feature_detected!("avx2") {
@@ -253,7 +244,7 @@ impl<P: Copy> Crossings<P> {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn cross_avx2<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
+    pub(super) fn cross_avx2<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {
         self.cross_inline(outlook, candidates);
     }
 

@@ -311,18 +311,32 @@ mod tests {
     fn portable_crossings_are_the_same<C: Chart>(chart: &C, axes: DMat3, receiver: Receiver, view: &View) {
         let Receiver { position, normal, .. } = receiver;
         let outlook = Outlook { chart, axes, position, normal };
-        let (mut one, mut other) = (Crossings::default(), Crossings::default());
+        let (mut widest, mut portable, mut narrower) =
+            (Crossings::default(), Crossings::default(), Crossings::default());
         let mut contours = Contours::default();
         for part in view.candidates.parts() {
             view.candidates.contours_in(part, position, receiver.excluded, &mut contours);
-            one.choose(outlook, &view.candidates, part, &contours, false);
-            one.cross(outlook, &view.candidates);
-            other.choose_inline(outlook, &view.candidates, part, &contours, false);
-            other.cross_inline(outlook, &view.candidates);
-            assert!((0..chart.lines()).all(|line| one.base(line) == other.base(line)));
-            assert!((0..chart.lines()).all(|line| one.sorted(line) == other.sorted(line)));
-            assert_eq!(one.counts(), other.counts());
+            widest.choose(outlook, &view.candidates, part, &contours, false);
+            widest.cross(outlook, &view.candidates);
+            portable.choose_inline(outlook, &view.candidates, part, &contours, false);
+            portable.cross_inline(outlook, &view.candidates);
+            are_the_same(&mut widest, &mut portable, chart.lines());
+            #[cfg(target_arch = "x86_64")]
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has the feature.
+                unsafe {
+                    narrower.choose_avx2(outlook, &view.candidates, part, &contours, false);
+                    narrower.cross_avx2(outlook, &view.candidates);
+                }
+                are_the_same(&mut widest, &mut narrower, chart.lines());
+            }
         }
+    }
+
+    fn are_the_same<P: Copy>(one: &mut Crossings<P>, other: &mut Crossings<P>, lines: usize) {
+        assert!((0..lines).all(|line| one.base(line) == other.base(line)));
+        assert!((0..lines).all(|line| one.sorted(line) == other.sorted(line)));
+        assert_eq!(one.counts(), other.counts());
     }
 
     /// Compares what is seen at a position of an isoline with counted rays.
