@@ -270,6 +270,8 @@ fn bad_files_give_one_line_and_leave_nothing() {
         ("inspect later.toml -o out.png", "gone.obj: No such file"),
         ("bake missing.toml -o out.npz --preview out.png", "missing.toml: No such file"),
         ("bake nowhere -o out.npz", "no built-in scene is called `nowhere`"),
+        ("race icosphere nowhere --quick -o out", "no built-in scene is called `nowhere`"),
+        ("race icosphere missing.obj --quick -o out", "missing.obj: No such file"),
     ] {
         let text = fails(folder, arguments, 1);
         assert!(text.starts_with("error: ") && text.contains(part), "{arguments}: {text}");

@@ -164,6 +164,18 @@ pub fn scene(named: Option<&Path>) -> Result<Scene> {
     }
 }
 
+/// Tells early that a scene is not there, before other scenes take their time.
+pub fn expect_scene(path: &Path) -> Result<()> {
+    match path.to_str() {
+        Some(name) if path.extension().is_none() && !path.exists() => match Scene::builtin_names().any(|of| of == name)
+        {
+            true => Ok(()),
+            false => Scene::builtin(name).map(|_| ()),
+        },
+        _ => std::fs::metadata(path).map(|_| ()).map_err(|error| Error::file(path, error)),
+    }
+}
+
 /// The vertices of the geometry as receivers.
 pub fn vertices(geometry: &Geometry) -> Receivers {
     let (receivers, undirected) = Receivers::vertices(geometry);

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::race::{Quantity, Settings, Track, over_plane, race};
 use crate::scene::load_meshes;
 
-use super::options::{positive, scene};
+use super::options::{expect_scene, positive, scene};
 use super::run::command_line;
 use super::terminal::Terminal;
 use super::{Failure, print};
@@ -103,6 +103,7 @@ impl Race {
             ([], false) => SCENES.map(PathBuf::from).into(),
             (named, _) => named.to_vec(),
         };
+        names.iter().try_for_each(|name| expect_scene(name))?;
         let receivers = self.receivers.unwrap_or(if self.quick { 64 } else { 1024 });
         let settings = Settings {
             repeats: self.repeats.unwrap_or(if self.quick { 1 } else { 2 }),
