@@ -162,6 +162,18 @@ impl Look {
     }
 }
 
+/// Whether a box, given by its lowest and highest corner, lies below the horizon of a receiver, by more than rounding.
+pub(super) fn is_sunken(position: DVec3, normal: DVec3, [low, high]: [Vec3; 2]) -> bool {
+    /// Angle below the horizon.
+    const BELOW: f64 = 1e-9;
+    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let (middle, half) = (0.5 * (low + high) - position, 0.5 * (high - low));
+    let highest = normal.dot(middle) + normal.abs().dot(half);
+    let size = (middle.abs() + half).element_sum();
+    let coordinates = (low.abs() + high.abs() + position.abs()).element_sum();
+    highest < -BELOW * size - 4.0 * f64::EPSILON * coordinates
+}
+
 /// Distance of a box from a point, squared.
 pub(super) fn distance_squared([low, high]: [Vec3; 2], p: Vec3) -> f32 {
     (low - p).max(p - high).max(Vec3::ZERO).length_squared()

@@ -7,7 +7,7 @@ use smallvec::SmallVec;
 use super::beams::{Beams, Rays};
 use super::chart::{Chart, Outlook};
 use super::crossings::{Counts, Crossings};
-use super::front::{Front, distance_squared};
+use super::front::{Front, distance_squared, is_sunken};
 use super::gaps::Gaps;
 use super::searches::{Searches, Wanted};
 use super::spans::Spans;
@@ -67,17 +67,10 @@ impl<C> Clone for Look<'_, C> {
 impl<C> Copy for Look<'_, C> {}
 
 impl<C> Look<'_, C> {
-    /// Whether a box, given by its lowest and highest corner, lies below the horizon for certain, and is not to be looked at then.
-    fn is_sunken(&self, [low, high]: [Vec3; 2]) -> bool {
-        /// Angle below the horizon, for rounding.
-        const BELOW: f64 = 1e-9;
-        let (Some(normal), true) = (self.outlook.normal, self.skips.below_horizon) else { return false };
-        let (low, high, position) = (low.as_dvec3(), high.as_dvec3(), self.outlook.position);
-        let (middle, half) = (0.5 * (low + high) - position, 0.5 * (high - low));
-        let highest = normal.dot(middle) + normal.abs().dot(half);
-        let size = (middle.abs() + half).element_sum();
-        let coordinates = (low.abs() + high.abs() + position.abs()).element_sum();
-        highest < -BELOW * size - 4.0 * f64::EPSILON * coordinates
+    /// Whether a box lies below the horizon, and is not to be looked at then.
+    fn is_sunken(&self, box_: [Vec3; 2]) -> bool {
+        let Outlook { position, normal, .. } = self.outlook;
+        self.skips.below_horizon && normal.is_some_and(|normal| is_sunken(position, normal, box_))
     }
 }
 

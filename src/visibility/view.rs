@@ -5,6 +5,7 @@ use super::beams::{Beams, Rays};
 use super::chart::{Chart, Outlook};
 use super::depth::count_along;
 use super::exact::{self, Region};
+use super::front::is_sunken;
 use super::searches::{Searches, Wanted};
 use super::trace::{Found, Look, Tracer};
 use super::visible_set::{Eye, VisibleSet};
@@ -134,13 +135,29 @@ impl Viewer<'_> {
         }
     }
 
-    /// Projects all contours of a receiver among those approached.
-    fn project(&self, Receiver { position, normal, excluded }: Receiver, view: &mut View) {
-        self.search(view);
-        let View { candidates, contours, projected, .. } = view;
-        candidates.contours(position, excluded, contours);
-        projected.clear();
-        projected.project(candidates, 0..candidates.vertices().len(), contours, position, normal);
+    /// Projects all contours of a receiver among those approached; returns the number of groups below its horizon.
+    fn project(&self, receiver: Receiver, skips: Skips, view: &mut View) -> usize {
+        let Receiver { position, normal, excluded } = receiver;
+        view.projected.clear();
+        let Some(up) = normal.filter(|_| self.edges.groups() > 1) else {
+            self.search(view);
+            let View { candidates, contours, projected, .. } = view;
+            candidates.contours(position, excluded, contours);
+            projected.project(candidates, 0..candidates.vertices().len(), contours, position, normal);
+            return 0;
+        };
+        let View { excluded, tile, is_searched, searches, candidates, contours, projected, .. } = view;
+        let wanted = self.wanted(receiver, skips, *tile, excluded, *is_searched);
+        let mut sunken = 0;
+        for (group, &box_) in (0..).zip(self.edges.group_boxes().first().into_iter().flatten()) {
+            if skips.below_horizon && is_sunken(position, up, box_) {
+                sunken += 1;
+                continue;
+            }
+            let part = searches.contours(group, wanted, candidates, contours);
+            projected.project(candidates, part.vertices, contours, position, normal);
+        }
+        sunken
     }
 
     /// What a receiver among those approached sees along the meridians: the [`View::spans`], if it sees a part.
@@ -222,22 +239,23 @@ impl Viewer<'_> {
             Some(normal) if self.edges.groups() > 1 => {
                 let is_lazy = skips.hidden_bodies && view.visible_set.pays(self.edges, view.searches.receivers());
                 let is_solved = is_lazy && self.solve_visible(frame, receiver, normal, skips, view);
+                let mut below = 0;
                 if !is_solved {
-                    self.project(receiver, view);
+                    below = self.project(receiver, skips, view);
                     let is_certain =
                         exact::solve_certainly(&view.projected, Some(normal), frame, depth, &mut view.exact);
                     if !is_certain && (is_lazy || !self.solve_visible(frame, receiver, normal, skips, view)) {
-                        self.project(receiver, view);
+                        self.project(receiver, skips, view);
                         exact::solve_in_order(&view.projected, Some(normal), frame, depth, &mut view.exact);
                     }
                 }
-                let [hidden, sunken] = if is_solved { view.visible_set.left_out() } else { [0; 2] };
+                let [hidden, sunken] = if is_solved { view.visible_set.left_out() } else { [0, below] };
                 // Nothing is left out for the horizon's sake if that is not wanted.
                 let (hidden, sunken) = if skips.below_horizon { (hidden, sunken) } else { (hidden + sunken, 0) };
                 view.counts = Counts { above: view.projected.arcs.len(), hidden, sunken, ..Counts::default() };
             }
             _ => {
-                self.project(receiver, view);
+                self.project(receiver, skips, view);
                 view.counts = Counts { above: view.projected.arcs.len(), ..Counts::default() };
                 exact::solve(&view.projected, normal, frame, depth, &mut view.exact);
             }
