@@ -53,8 +53,8 @@ pub struct Candidates {
     /// First corners of the faces, by component.
     pub(crate) anchors: [Vec<f32>; 3],
     pub(crate) edges: Vec<CandidateEdge>,
-    /// Where the faces of every edge start among the incidences, and their number: apart, for few look there.
-    pub(crate) uses: Vec<[u32; 2]>,
+    /// Where the faces of every edge start among the incidences, with an end mark: apart, for few look there.
+    pub(crate) uses: Vec<u32>,
     pub(crate) edge_count: usize,
     pub(crate) incidences: Vec<Incidence>,
     pub(crate) incidence_count: usize,
@@ -146,8 +146,8 @@ impl Candidates {
 
     /// The faces, by local number, of one edge, an index into [`Candidates::edges`].
     pub fn faces_of(&self, edge: u32) -> &[Incidence] {
-        let [first, len] = self.uses[edge as usize];
-        &self.incidences[first as usize..(first + len) as usize]
+        let [start, end] = [0, 1].map(|next| self.uses[edge as usize + next] as usize);
+        &self.incidences[start..end]
     }
 
     /// Local number of a face, if a candidate has it.

@@ -35,7 +35,7 @@ impl DualBvh {
         out.edge_count += count;
 
         room(&mut out.edges, out.edge_count);
-        room(&mut out.uses, out.edge_count);
+        room(&mut out.uses, out.edge_count + 1);
         out.vertices.reserve(2 * count + 1);
         let (pairs, rest) = out.edges[old_edges..].split_at_mut(regular.len());
         let (lone, rest) = rest.split_at_mut(border.len());
@@ -56,13 +56,14 @@ impl DualBvh {
         }
         let others = other.iter().map(|&other| self.edges.incidences(other).len() as u32);
         let counts = regular.iter().map(|_| 2).chain(border.iter().map(|_| 1)).chain(others);
-        let mut first = old_incidences as u32;
-        for (uses, count) in out.uses[old_edges..].iter_mut().zip(counts) {
-            *uses = [first, count];
-            first += count;
+        let mut end = old_incidences as u32;
+        out.uses[old_edges] = end;
+        for (next, count) in out.uses[old_edges + 1..].iter_mut().zip(counts) {
+            end += count;
+            *next = end;
         }
 
-        out.incidence_count = first as usize;
+        out.incidence_count = end as usize;
         room(&mut out.incidences, out.incidence_count);
         out.faces.reserve(out.incidence_count - old_incidences + 1);
         let (pairs, rest) = out.incidences[old_incidences..].split_at_mut(2 * regular.len());

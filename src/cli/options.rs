@@ -157,22 +157,24 @@ pub fn magnitude(text: &str) -> std::result::Result<f64, String> {
 pub fn scene(named: Option<&Path>) -> Result<Scene> {
     match named {
         None => Scene::builtin("default"),
-        Some(path) => match path.to_str() {
-            Some(name) if path.extension().is_none() && !path.exists() => Scene::builtin(name),
-            _ => Scene::load(path),
+        Some(path) => match builtin_name(path) {
+            Some(name) => Scene::builtin(name),
+            None => Scene::load(path),
         },
     }
 }
 
+/// The name of a built-in scene, if this can be nothing else.
+fn builtin_name(path: &Path) -> Option<&str> {
+    path.to_str().filter(|_| path.extension().is_none() && !path.exists())
+}
+
 /// Tells early that a scene is not there, before other scenes take their time.
 pub fn expect_scene(path: &Path) -> Result<()> {
-    match path.to_str() {
-        Some(name) if path.extension().is_none() && !path.exists() => match Scene::builtin_names().any(|of| of == name)
-        {
-            true => Ok(()),
-            false => Scene::builtin(name).map(|_| ()),
-        },
-        _ => std::fs::metadata(path).map(|_| ()).map_err(|error| Error::file(path, error)),
+    match builtin_name(path) {
+        Some(name) if Scene::builtin_names().any(|known| known == name) => Ok(()),
+        Some(name) => Scene::builtin(name).map(|_| ()),
+        None => std::fs::metadata(path).map(|_| ()).map_err(|error| Error::file(path, error)),
     }
 }
 

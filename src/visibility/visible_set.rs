@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use super::chart::{Chart, Outlook};
 use super::depth::{count_along, is_covered};
 use super::exact::{self, Region};
-use super::front::Front;
+use super::front::{Front, is_sunken};
 use super::searches::Wanted;
 use super::trace::{Found, Look, Tracer};
 use super::{MeridianFrame, Meridians, ReceiverContours, Skips};
@@ -79,11 +79,11 @@ impl Default for VisibleSet {
 }
 
 /// About how many contours of a group have to be solved with: they grow like the root of the number of its edges.
-fn contours_of(edges: &DualBvh, group: u32, position: Vec3, normal: Vec3) -> f32 {
-    let [low, high] = edges.group_boxes()[0][group as usize];
-    let highest = Vec3::select(normal.cmpge(Vec3::ZERO), high, low);
-    let is_above = normal.dot(highest - position) > 0.0;
-    if is_above { (edges.group_edges(group).len() as f32).sqrt() } else { 0.0 }
+fn contours_of(Eye { wanted: Wanted { edges, position, .. }, normal, .. }: Eye, group: u32) -> f32 {
+    match is_sunken(position, normal, edges.group_boxes()[0][group as usize]) {
+        true => 0.0,
+        false => (edges.group_edges(group).len() as f32).sqrt(),
+    }
 }
 
 impl VisibleSet {
@@ -125,9 +125,8 @@ impl VisibleSet {
         scratch: &mut exact::Scratch,
     ) -> bool {
         let edges = eye.wanted.edges;
-        let (position, normal) = (eye.wanted.position.as_vec3(), eye.normal.as_vec3());
         self.contours.clear();
-        self.contours.extend((0..edges.groups() as u32).map(|group| contours_of(edges, group, position, normal)));
+        self.contours.extend((0..edges.groups() as u32).map(|group| contours_of(eye, group)));
         let all = self.contours.iter().map(|&contours| f64::from(contours)).sum::<f64>();
         self.predict(eye, found);
         self.credit -= CROSSED * self.taken();
@@ -258,7 +257,7 @@ mod tests {
 
     use super::*;
     use crate::sphere::BoundaryArc;
-    use crate::visibility::trace::tests::{Block, blocks, is_on_side, mesh};
+    use crate::visibility::trace::tests::{Block, blocks, direction, loose, mesh, off_sides};
     use crate::visibility::{Receiver, View, Viewer};
 
     /// What is compared: all that results are made of.
@@ -312,10 +311,6 @@ mod tests {
         hidden
     }
 
-    fn direction((x, y, z): (i32, i32, i32)) -> Option<DVec3> {
-        DVec3::new(x.into(), y.into(), z.into()).try_normalize()
-    }
-
     /// Any rotation that has nothing to do with the axes.
     fn turn() -> DQuat {
         DQuat::from_xyzw(0.13, 0.57, 0.31, 0.74).normalize()
@@ -336,10 +331,7 @@ mod tests {
         ) {
             let normal = direction(normal);
             let turn = if is_turned { turn() } else { DQuat::IDENTITY };
-            let receivers: Vec<Receiver> = points
-                .iter()
-                .map(|&(x, y, z)| 0.5 * DVec3::new(x.into(), y.into(), z.into()))
-                .filter(|&p| blocks.iter().all(|&block| !is_on_side(p, block)))
+            let receivers: Vec<Receiver> = off_sides(&points, &blocks)
                 .map(|p| Receiver { position: turn * p, normal: normal.map(|n| turn * n), excluded: &[] })
                 .collect();
             let (positions, triangles) = mesh(&blocks);
@@ -353,12 +345,9 @@ mod tests {
             corners in prop::collection::vec((-9..10i32, -9..10i32, -9..10i32), 3..240),
             normal in (-2..3i32, -2..3i32, -2..3i32),
         ) {
-            let corner = |&(x, y, z): &(i32, i32, i32)| Vec3::new(x as f32, y as f32, z as f32);
-            let positions: Vec<Vec3> = corners.chunks_exact(3).flatten().map(corner).collect();
-            let triangles: Vec<[u32; 3]> = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
             let normal = direction(normal);
             let at = |x: f64| Receiver { position: DVec3::new(x, 0.217, -0.391), normal, excluded: &[] };
-            leaving_out_changes_nothing((positions.into(), triangles.into()), &[at(0.123), at(0.456), at(7.89)], 4);
+            leaving_out_changes_nothing(loose(&corners), &[at(0.123), at(0.456), at(7.89)], 4);
         }
     }
 
