@@ -39,7 +39,7 @@ impl Case {
     /// Tiles of a bake of all vertices, spread evenly over it, that hold about `count` receivers. Where few would, more are taken and
     /// cut short: places differ.
     pub fn tiles(&self, count: usize) -> Vec<Vec<u32>> {
-        let all = tiles(&self.geometry, &self.receivers.positions);
+        let all = tiles(&self.geometry, &self.receivers.positions, &self.receivers.normals);
         /// Places, at least.
         const PLACES: usize = 6;
         let whole = (count * all.len()).div_ceil(self.receivers.len());

@@ -21,14 +21,14 @@ pub struct BuildOptions {
     /// group's bounding box. Larger values group edges of similar planes, smaller ones edges that are near one another. Raise it
     /// for smooth surfaces, lower it if receivers see little of the mesh above their horizons.
     pub normal_weight: f32,
-    /// Fewest faces of a group, see [`DualBvh::groups`]: bodies of fewer are put together with neighbours. With the largest
-    /// number there is one group.
+    /// Fewest faces of a group, see [`DualBvh::groups`]: bodies of fewer are put together with neighbours, up to eight, or more with 8/3
+    /// as many faces. With the largest number there is one group.
     pub group_faces: usize,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { normal_weight: 0.25, group_faces: 256 }
+        Self { normal_weight: 0.25, group_faces: 96 }
     }
 }
 

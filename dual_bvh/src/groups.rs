@@ -115,6 +115,10 @@ fn bodies(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     (body, count as usize)
 }
 
+/// A group of more bodies needs more faces, 8/3 of the number that is enough for fewer: leaves hide little of one another. Eight neighbours
+/// in the order of a tree of that width are a whole node of it, so their box is small.
+const FEW: usize = 8;
+
 /// The group of every body, in no particular order.
 fn merge(boxes: &[Box3], faces: &[usize], least: usize) -> Vec<u32> {
     let mut groups = vec![NONE; boxes.len()];
@@ -125,14 +129,15 @@ fn merge(boxes: &[Box3], faces: &[usize], least: usize) -> Vec<u32> {
     }
     let small: Vec<u32> = (0..boxes.len() as u32).filter(|&body| groups[body as usize] == NONE).collect();
     let centers = small.iter().map(|&body| boxes[body as usize]).map(|[low, high]| 0.5 * low + 0.5 * high);
-    let mut gathered = 0;
+    let (mut gathered, mut bodies) = (0, 0);
     for index in arrange_points(centers) {
         let body = small[index as usize] as usize;
         groups[body] = count;
         gathered += faces[body];
-        if gathered >= least {
+        bodies += 1;
+        if gathered >= (if bodies > FEW { least.saturating_mul(8) / 3 } else { least }) {
             count += 1;
-            gathered = 0;
+            (gathered, bodies) = (0, 0);
         }
     }
     // The last few go with the last group before them.

@@ -99,11 +99,11 @@ pub(super) fn run<B: Baker>(
         partial.check(receivers.len())?;
     }
     let tiles = match &resume {
-        None => tiles(geometry, &receivers.positions),
+        None => tiles(geometry, &receivers.positions, &receivers.normals),
         Some(partial) => {
             let todo: Vec<u32> = (0..receivers.len() as u32).filter(|&i| !partial.done[i as usize]).collect();
-            let positions: Vec<_> = todo.iter().map(|&i| receivers.positions[i as usize]).collect();
-            let mut tiles = tiles(geometry, &positions);
+            let left = receivers.pick(todo.iter().map(|&i| i as usize));
+            let mut tiles = tiles(geometry, &left.positions, &left.normals);
             tiles.iter_mut().flatten().for_each(|index| *index = todo[*index as usize]);
             tiles
         }

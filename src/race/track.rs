@@ -82,7 +82,7 @@ impl Track {
         };
         let diagonal = low.distance(high);
         let bake = Receivers::points(points(&geometry, LIFT * diagonal));
-        let tiles = tiles(&geometry, &bake.positions);
+        let tiles = tiles(&geometry, &bake.positions, &bake.normals);
         let receivers = bake.pick(spread(&tiles, count).into_iter().map(|index| index as usize));
         Ok(Self { name, geometry, environment, bake, receivers })
     }

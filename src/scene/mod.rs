@@ -40,7 +40,6 @@ pub use geometry::{Cleaning, Geometry, GeometryBuilder, MAX_COORDINATE, Material
 pub use incidence::faces_at;
 pub use load::load_meshes;
 pub use mesh::Mesh;
-pub(crate) use morton::{MORTON_BITS, morton};
 pub use points::{NORMAL_TOLERANCE, Point, PointReader, load_points, survey_points};
 pub use sky::Sky;
 pub use topology::{Direction, EdgeFace, EdgeId, EdgeKind, Topology, TriangleId, VertexId};

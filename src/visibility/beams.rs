@@ -26,7 +26,9 @@ struct Beam {
     direction: DVec3,
     /// The first ray, which may stay the only one, finds its own faces.
     is_gathered: bool,
-    faces: Vec<u32>,
+    section: Section,
+    /// Faces, and between which values of the section's normals a receiver's ray may meet them.
+    faces: Vec<(u32, [[f64; 2]; 3])>,
     /// Whether there are so many faces that each ray had better look for its own.
     is_wide: bool,
 }
@@ -46,14 +48,14 @@ impl Beams {
     }
 
     /// The faces for all receivers of the tile, if they are few.
-    fn gathered(&mut self, faces: &FaceTree, tile: &Tile, direction: DVec3) -> Option<&[u32]> {
+    fn gathered(&mut self, faces: &FaceTree, tile: &Tile, direction: DVec3) -> Option<&Beam> {
         match self.beams[..self.count].iter().position(|beam| beam.direction == direction) {
             Some(number) => {
                 let beam = &mut self.beams[number];
                 if !beam.is_gathered {
                     beam.gather(faces, tile, direction);
                 }
-                (!beam.is_wide).then_some(&beam.faces)
+                (!beam.is_wide).then_some(&*beam)
             }
             None => {
                 if self.count < DIRECTIONS && tile.radius > 0.0 {
@@ -75,7 +77,7 @@ impl Rays<'_> {
     /// direction (zero), in no particular order.
     pub(super) fn visit(self, position: DVec3, direction: DVec3, mut visit: impl FnMut(u32)) {
         match self.beams.gathered(self.faces, &self.tile, direction) {
-            Some(gathered) => gathered.iter().for_each(|&face| visit(face)),
+            Some(beam) => beam.visit(position, visit),
             None => self.faces.visit(position, direction, |face| {
                 visit(face);
                 ControlFlow::Continue(())
@@ -89,20 +91,38 @@ impl Beam {
         self.is_gathered = true;
         self.faces.clear();
         self.is_wide = false;
+        self.section = Section::new(tile, direction);
         let mut looked = 0;
-        let section = Section::new(tile, direction);
+        let section = &self.section;
         faces.visit_beam([tile.center - tile.half, tile.center + tile.half], direction, |face| {
-            if section.meets(faces.corners(face).map(|corner| corner.as_dvec3())) {
-                self.faces.push(face);
+            let bounds = section.bounds(faces.corners(face).map(|corner| corner.as_dvec3()));
+            if section.meets(&bounds) {
+                self.faces.push((face, bounds));
             }
             looked += 1;
             self.is_wide = self.faces.len() > MANY || looked > LOOKS;
             if self.is_wide { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
     }
+
+    /// Calls `visit` with every face that the ray from a receiver may meet.
+    ///
+    /// What is left out lies on one side of a plane through the ray, or behind, by far more than rounding: it does not cover the ray's
+    /// direction, whoever decides.
+    #[inline(always)]
+    fn visit(&self, position: DVec3, mut visit: impl FnMut(u32)) {
+        let from = position - self.section.center;
+        let [x, y, z] = self.section.normals.map(|normal| normal.dot(from));
+        for &(face, [[x0, x1], [y0, y1], [z0, z1]]) in &self.faces {
+            if (x0 <= x) & (x <= x1) & (y0 <= y) & (y <= y1) & (z0 <= z) & (z <= z1) {
+                visit(face);
+            }
+        }
+    }
 }
 
 /// A beam by the planes around it.
+#[derive(Default)]
 struct Section {
     center: DVec3,
     half: DVec3,
@@ -121,16 +141,26 @@ impl Section {
         Self { center, half, normals: [x, y, -along], is_box: false }
     }
 
-    /// Whether a ray of the beam may meet a triangle: conservatively, by far more than rounding.
-    fn meets(&self, corners: [DVec3; 3]) -> bool {
+    /// Between which values of the normals a ray may meet a triangle: conservatively, by far more than rounding.
+    fn bounds(&self, corners: [DVec3; 3]) -> [[f64; 2]; 3] {
         const MARGIN: f64 = 1e-6;
         let [a, b, c] = corners.map(|corner| corner - self.center);
         let margin = MARGIN * (a.abs().max(b.abs()).max(c.abs()) + self.half).element_sum();
-        self.normals.iter().enumerate().all(|(number, &normal)| {
+        let mut bounds = self.normals.map(|normal| {
             let (a, b, c) = (normal.dot(a), normal.dot(b), normal.dot(c));
-            let reach = normal.abs().dot(self.half) + margin;
-            let is_open = number == 2 && !self.is_box;
-            a.min(b).min(c) <= reach && (is_open || a.max(b).max(c) >= -reach)
+            [a.min(b).min(c) - margin, a.max(b).max(c) + margin]
+        });
+        if !self.is_box {
+            bounds[2][1] = f64::INFINITY;
+        }
+        bounds
+    }
+
+    /// Whether a ray of the beam may meet a triangle with these bounds.
+    fn meets(&self, bounds: &[[f64; 2]; 3]) -> bool {
+        self.normals.iter().zip(bounds).all(|(normal, &[low, high])| {
+            let reach = normal.abs().dot(self.half);
+            low <= reach && high >= -reach
         })
     }
 }
@@ -199,9 +229,16 @@ mod tests {
         let tile = Tile::new(points.into_iter().map(|p| (p, None)));
         let mut beams = Beams::default();
         assert!(beams.gathered(&faces, &tile, DVec3::Z).is_none(), "the first one looks alone");
-        assert_eq!(beams.gathered(&faces, &tile, DVec3::Z), Some(&[17 * 30 + 12][..]));
+        let gathered = |beam: &Beam| beam.faces.iter().map(|&(face, _)| face).collect::<Vec<_>>();
+        assert_eq!(beams.gathered(&faces, &tile, DVec3::Z).map(gathered), Some(vec![17 * 30 + 12]));
+        // Both triangles' boxes are around the one, not around the other.
+        for (point, number) in points.into_iter().zip([1, 1]) {
+            let mut met = 0;
+            Rays { faces: &faces, tile, beams: &mut beams }.visit(point, DVec3::Z, |_| met += 1);
+            assert_eq!(met, number);
+        }
         for _ in 0..2 {
-            assert!(beams.gathered(&faces, &tile, DVec3::X).is_none_or(<[u32]>::is_empty));
+            assert!(beams.gathered(&faces, &tile, DVec3::X).is_none_or(|beam| beam.faces.is_empty()));
         }
         beams.begin();
         let mut wide = tile;
