@@ -38,6 +38,9 @@ const TURN: f64 = 0.6;
 
 /// The same with a given radius, half the diagonal of the box around a group.
 fn gather(positions: &[DVec3], normals: &[DVec3], radius: f64) -> Vec<Vec<u32>> {
+    if positions.is_empty() {
+        return Vec::new();
+    }
     let mut order: Vec<u32> = (0..positions.len() as u32).collect();
     let mut tiles = Vec::new();
     // The next one last.
@@ -47,10 +50,8 @@ fn gather(positions: &[DVec3], normals: &[DVec3], radius: f64) -> Vec<Vec<u32>> 
         let (low, size) = bounds(members, positions);
         let is_long = size.length() > 2.0 * radius;
         if members.len() <= TILE_RECEIVERS && !is_long {
-            if !members.is_empty() {
-                members.sort_unstable();
-                tiles.push(members.to_vec());
-            }
+            members.sort_unstable();
+            tiles.push(members.to_vec());
             continue;
         }
         let (first, spread) = if normals.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { bounds(members, normals) };
