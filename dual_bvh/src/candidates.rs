@@ -5,6 +5,9 @@ use glam::DVec3;
 use crate::contours::{Contour, Contours};
 use crate::face::{plane_value, sign};
 use crate::numbering::Numbering;
+#[cfg(target_arch = "x86_64")]
+use crate::pairs::FACES;
+use crate::pairs::Pairs;
 use crate::search::Scratch;
 use crate::{DualBvh, Incidence};
 
@@ -56,6 +59,8 @@ pub struct Candidates {
     /// Where the faces of every edge start among the incidences, with an end mark: apart, for few look there.
     pub(crate) uses: Vec<u32>,
     pub(crate) edge_count: usize,
+    /// The faces of edges that have two in opposite directions, in parts of few faces, where the processor can make use of it.
+    pub(crate) pairs: Pairs,
     pub(crate) incidences: Vec<Incidence>,
     pub(crate) incidence_count: usize,
     pub(crate) parts: Vec<Part>,
@@ -180,62 +185,87 @@ impl Candidates {
 
     fn contours_of(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
         #[cfg(target_arch = "x86_64")]
-        if crate::has_avx512() {
+        if crate::features::has_lookup() {
+            // SAFETY: the processor has the features.
+            return unsafe { self.contours_lookup(parts, receiver, excluded, out) };
+        } else if crate::has_avx512() {
             // SAFETY: the processor has the features.
             return unsafe { self.contours_avx512(parts, receiver, excluded, out) };
         } else if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
             return unsafe { self.contours_avx2(parts, receiver, excluded, out) };
         }
-        self.contours_inline(parts, receiver, excluded, out);
+        self.contours_inline::<false>(parts, receiver, excluded, out);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx512vbmi")]
+    fn contours_lookup(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+        self.contours_inline::<true>(parts, receiver, excluded, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-    fn contours_avx512(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_inline(parts, receiver, excluded, out);
+    pub(crate) fn contours_avx512(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+        self.contours_inline::<false>(parts, receiver, excluded, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     pub(crate) fn contours_avx2(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_inline(parts, receiver, excluded, out);
+        self.contours_inline::<false>(parts, receiver, excluded, out);
     }
 
-    /// `parts` follow one another.
+    /// `parts` follow one another. With `LOOKUP`, the processor must have the features of [`Pairs`].
     #[inline(always)]
-    pub(crate) fn contours_inline(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+    pub(crate) fn contours_inline<const LOOKUP: bool>(
+        &self,
+        parts: &[Part],
+        receiver: DVec3,
+        excluded: &[u32],
+        out: &mut Contours,
+    ) {
         let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return out.room(0, 0) };
         let faces = first.faces.start..last.faces.end;
         out.room(faces.end, last.edges.end - first.edges.start);
         let signs = &mut out.signs[..faces.end];
         self.signs(receiver, faces.start, &mut signs[faces.clone()]);
+        let mut is_whole = true;
         for &face in excluded {
             if let Some(local) = self.local_face(face).filter(|&local| faces.contains(&(local as usize))) {
                 signs[local as usize] = 0;
+                is_whole = false;
             }
         }
 
-        // Every edge is written, contours stay: which they are is hard to predict.
-        let buffer = &mut out.buffer[..last.edges.end - first.edges.start];
+        let buffer = &mut out.buffer[..];
         let mut count = 0;
-        let mut put = |edge: usize, jump: i32| {
-            buffer[count] = Contour { edge: edge as u32, jump };
-            count += usize::from(jump != 0);
-        };
         let jump = |use_: &Incidence| i32::from(use_.orientation()) * i32::from(signs[use_.face() as usize]);
         for part in parts {
             let (regular, rest) = self.incidences()[part.first..].split_at(2 * part.regular);
             let border = &rest[..part.border];
             let next = part.edges.start + part.regular;
-            for (edge, uses) in (part.edges.start..).zip(regular.chunks_exact(2)) {
-                put(edge, i32::from(signs[uses[0].face() as usize]) - i32::from(signs[uses[1].face() as usize]));
+            #[cfg(target_arch = "x86_64")]
+            let looked_up = (LOOKUP && is_whole && part.faces.len() <= FACES).then(|| {
+                let signs = &signs[part.faces.clone()];
+                // SAFETY: the processor has the features.
+                unsafe { self.pairs.contours(part.edges.start..next, signs, &mut buffer[count..]) }
+            });
+            #[cfg(not(target_arch = "x86_64"))]
+            let looked_up = None;
+            if let Some(found) = looked_up {
+                count += found;
+            } else {
+                for (edge, uses) in (part.edges.start..).zip(regular.chunks_exact(2)) {
+                    let [f, g] = [0, 1].map(|side| i32::from(signs[uses[side].face() as usize]));
+                    put(buffer, &mut count, edge, f - g);
+                }
             }
             for (edge, use_) in (next..).zip(border) {
-                put(edge, jump(use_));
+                put(buffer, &mut count, edge, jump(use_));
             }
             for edge in next + part.border..part.edges.end {
-                put(edge, self.faces_of(edge as u32).iter().map(jump).sum());
+                put(buffer, &mut count, edge, self.faces_of(edge as u32).iter().map(jump).sum());
             }
         }
         out.count = count;
@@ -254,6 +284,14 @@ impl Candidates {
             signs[i] = sign(plane_value(DVec3::new(nx[i], ny[i], nz[i]), anchor, p));
         }
     }
+}
+
+/// Adds an edge, if it is a contour, to the first of a buffer.
+#[inline(always)]
+fn put(buffer: &mut [Contour], count: &mut usize, edge: usize, jump: i32) {
+    // Every edge is written, contours stay: which they are is hard to predict.
+    buffer[*count] = Contour { edge: edge as u32, jump };
+    *count += usize::from(jump != 0);
 }
 
 /// Makes a buffer at least `len` long. What lies beyond the present length is garbage of earlier searches.

@@ -5,6 +5,10 @@ use glam::DVec3;
 use crate::candidates::{CandidateEdge, Candidates, Part, room};
 use crate::edge::Incidence;
 use crate::face::{face_normal, plane_value, sign};
+#[cfg(target_arch = "x86_64")]
+use crate::features::has_lookup;
+#[cfg(target_arch = "x86_64")]
+use crate::pairs::FACES;
 use crate::prefetch::{AHEAD, ahead, prefetch};
 use crate::search::Scratch;
 use crate::{DualBvh, Tile};
@@ -88,6 +92,12 @@ impl DualBvh {
         let vertices = ahead(&vertices[old_vertices..], AHEAD, |&vertex| prefetch(&self.positions[vertex as usize]));
         for (((x, y), z), &vertex) in x.iter_mut().zip(y).zip(z).zip(vertices) {
             [*x, *y, *z] = self.positions[vertex as usize].to_array();
+        }
+        #[cfg(target_arch = "x86_64")]
+        if out.faces.globals().len() - old_faces <= FACES && has_lookup() {
+            out.pairs.room(out.edge_count);
+            let uses = out.incidences[old_incidences..][..2 * regular.len()].chunks_exact(2);
+            out.pairs.set(old_edges, uses.map(|uses| [0, 1].map(|side| uses[side].face() - old_faces as u32)));
         }
         let part = Part {
             group,

@@ -2,6 +2,7 @@ use crate::candidates::room;
 
 /// A contour edge of one receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
 pub struct Contour {
     /// The edge, an index into [`crate::Candidates::edges`].
     pub edge: u32,
@@ -33,10 +34,10 @@ impl Contours {
         &self.buffer[..self.count]
     }
 
-    /// Makes room for the signs of so many faces, and for so many contours.
+    /// Makes room for the signs of so many faces, and for so many contours, written eight at a time.
     pub(crate) fn room(&mut self, faces: usize, edges: usize) {
         room(&mut self.signs, faces);
-        room(&mut self.buffer, edges);
+        room(&mut self.buffer, edges + 8);
         (self.face_count, self.count) = (faces, 0);
     }
 }

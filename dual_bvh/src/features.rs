@@ -7,3 +7,10 @@ pub fn has_avx512() -> bool {
         && is_x86_feature_detected!("avx512bw")
         && is_x86_feature_detected!("avx512dq")
 }
+
+/// Whether the processor has the features with which [`crate::pairs::Pairs`] looks up bytes in registers.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub(crate) fn has_lookup() -> bool {
+    has_avx512() && is_x86_feature_detected!("avx512vbmi")
+}

@@ -60,6 +60,7 @@ mod features;
 mod groups;
 mod node;
 mod numbering;
+mod pairs;
 mod prefetch;
 mod query;
 mod search;

@@ -19,7 +19,8 @@ impl Numbering {
     pub(crate) fn clear(&mut self, bound: usize) {
         (self.count, self.first) = (0, 0);
         if self.locals.len() < bound {
-            self.locals.resize(bound, 0);
+            // Zeroed by the system, page by page where a search comes, which may be to little of a large mesh.
+            self.locals = vec![0; bound];
         }
     }
 

@@ -280,16 +280,26 @@ mod tests {
             assert_eq!(candidates.vertices(), portable.vertices());
             assert_eq!(candidates.faces(), portable.faces());
             assert_eq!(candidates.nodes_tested(), portable.nodes_tested());
-            candidates.contours(p, &[3, 4], &mut contours);
-            portable.contours_inline(portable.parts(), p, &[3, 4], &mut portable_contours);
-            assert_eq!(contours.signs(), portable_contours.signs());
-            assert_eq!(contours.edges(), portable_contours.edges());
-            #[cfg(target_arch = "x86_64")]
-            if is_x86_feature_detected!("avx2") {
-                // SAFETY: the processor has the feature.
-                unsafe { portable.contours_avx2(portable.parts(), p, &[3, 4], &mut portable_contours) };
-                assert_eq!(contours.signs(), portable_contours.signs());
-                assert_eq!(contours.edges(), portable_contours.edges());
+            for excluded in [&[][..], &[3, 4]] {
+                candidates.contours(p, excluded, &mut contours);
+                let agree = |portable: &Contours| {
+                    assert_eq!(contours.signs(), portable.signs());
+                    assert_eq!(contours.edges(), portable.edges());
+                };
+                portable.contours_inline::<false>(portable.parts(), p, excluded, &mut portable_contours);
+                agree(&portable_contours);
+                #[cfg(target_arch = "x86_64")]
+                if is_x86_feature_detected!("avx2") {
+                    // SAFETY: the processor has the feature.
+                    unsafe { portable.contours_avx2(portable.parts(), p, excluded, &mut portable_contours) };
+                    agree(&portable_contours);
+                }
+                #[cfg(target_arch = "x86_64")]
+                if crate::has_avx512() {
+                    // SAFETY: the processor has the features.
+                    unsafe { portable.contours_avx512(portable.parts(), p, excluded, &mut portable_contours) };
+                    agree(&portable_contours);
+                }
             }
         }
     }
