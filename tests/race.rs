@@ -14,7 +14,7 @@ const QUICK: Settings = Settings { repeats: 1, budget: 0.01 };
 
 fn track() -> Result<Track> {
     let scene = Scene::builtin("icosphere")?;
-    Track::new("icosphere".into(), scene.geometry, scene.environment, 64)
+    Track::new("icosphere".into(), scene.geometry, scene.environment, 64, 256)
 }
 
 /// Another contestant's values, some of them changed.

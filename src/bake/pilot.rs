@@ -24,6 +24,8 @@ pub(super) struct Pilot<'a> {
     kernel: EmbreeKernel,
     /// The best values so far.
     reference: Option<Arrays>,
+    /// Exact values, where they take little time.
+    exact: Option<Arrays>,
     built: Vec<(Family, f64)>,
     /// What is known of isolines.
     lines: Option<Law>,
@@ -53,10 +55,12 @@ const SHORT: f64 = 1e-3;
 const REPEATS: usize = 3;
 /// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
 const CAUTION: f64 = 1.4;
-/// Counts beyond this many times the finer level are looked at before they are believed.
-const TRUSTED: f64 = 2.0;
-/// A second look may take this share of the time expected for all.
+/// Trying isolines may take this share of the time expected for all.
 const LOOK: f64 = 0.1;
+/// Numbers of isolines that are tried at most.
+const TRIALS: usize = 5;
+/// About so many times as long takes a receiver whose search nobody shares.
+const ALONE: f64 = 2.0;
 /// Who judges others must have so many times as small an error.
 const JUDGE: f64 = 4.0;
 /// Where nothing better is known, rays are compared with so many times as many.
@@ -82,6 +86,7 @@ impl<'a> Pilot<'a> {
             alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
             kernel: EmbreeKernel::default(),
             reference: None,
+            exact: None,
             built: Vec::new(),
             lines: None,
             rays: None,
@@ -127,6 +132,9 @@ impl<'a> Pilot<'a> {
         }
         if family == Family::Exact {
             let (level, _) = self.measure(self.method(family, coarse), coarse, &self.tiles, REPEATS)?;
+            if ALONE * self.scattered.len() as f64 * level.seconds < LOOK * best {
+                self.exact = Some(self.measure(self.method(family, coarse), coarse, &self.scattered, 1)?.1);
+            }
             return Ok(Some(Candidate::exact(level, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;
@@ -177,28 +185,55 @@ impl<'a> Pilot<'a> {
         self.lines.is_some_and(|law| JUDGE * law.error(law.levels[1].count) < error)
     }
 
-    /// What isolines promise after a second look, if their count lies far beyond those that the first one has measured, and if looking
-    /// takes little beside `best` seconds.
-    pub(super) fn look_again(
+    /// What isolines promise after numbers of them near the one promised have been tried, if that takes little beside `best` seconds, the
+    /// least that is known for `all` receivers: the fewest of those tried that reach the error `aim`.
+    pub(super) fn settle_isolines(
         &self,
         promised: &Candidate,
         aim: f64,
         all: usize,
         best: f64,
     ) -> Result<Option<Candidate>> {
-        let Some(law) = self.lines.filter(|_| promised.family == Family::Isolines) else { return Ok(None) };
-        let [_, fine] = law.levels;
-        let count = f64::from(promised.count);
-        let cost = law.build(count) + self.receivers() as f64 * law.seconds(count);
-        if count <= TRUSTED * fine.count || cost > LOOK * best {
-            return Ok(None);
+        let Some(law) = self.lines.filter(|_| FEW * self.scattered.len() <= all) else { return Ok(None) };
+        let started = Instant::now();
+        let (better, lines) = match &self.exact {
+            Some(exact) => (exact.clone(), f64::INFINITY),
+            None => {
+                let count = promised.count.saturating_mul(BETTER);
+                let cost = law.build(count.into()) + self.scattered.len() as f64 * law.seconds(count.into());
+                if cost > LOOK * best {
+                    return Ok(None);
+                }
+                (self.measure(self.method(Family::Isolines, count), count, &self.scattered, 1)?.1, f64::from(count))
+            }
+        };
+        let (mut settled, mut is_reached, mut count) = (None, false, promised.count);
+        for _ in 0..TRIALS {
+            let cost = self.scattered.len() as f64 * law.seconds(count.into()) + law.build(count.into());
+            if started.elapsed().as_secs_f64() + cost > LOOK * best {
+                break;
+            }
+            let (level, values) = self.measure(self.method(Family::Isolines, count), count, &self.scattered, 1)?;
+            // Less what the better ones lack themselves.
+            let share = (1.0 + (level.count / lines).powi(3)).sqrt().recip();
+            let error = share * difference(&values, &better);
+            let next = law.nearer(count, error, aim);
+            if error > aim {
+                if is_reached {
+                    break;
+                }
+                // Until more have been tried.
+                settled = Some(law.candidate_of(next, law.error_beyond(level.count, error, next.into()), all));
+            } else {
+                is_reached = true;
+                settled = Some(law.candidate_of(count, error, all).with_stated(level.stated));
+                if next >= count {
+                    break;
+                }
+            }
+            count = next;
         }
-        let (finer, finer_values) = self.level(Family::Isolines, promised.count)?;
-        let Some(fine_values) = &self.reference else { return Ok(None) };
-        // Less what the finer ones lack themselves.
-        let share = (1.0 + (fine.count / finer.count).powi(3)).sqrt().recip();
-        let fine = Level { rmse: share * difference(fine_values, &finer_values), ..fine };
-        Ok(Some(Law::new(Family::Isolines, [fine, finer]).candidate(aim, all)))
+        Ok(settled)
     }
 
     /// What rays promise after half of those promised have been tried, and half of these, while they reach the error `aim`; and all, if
@@ -375,6 +410,13 @@ mod tests {
         assert_eq!(law.build(4096.0), 0.05);
         let law = Law::new(Family::Qmc, [built(64.0, 0.0), built(512.0, 2e-6)]);
         assert_eq!(law.build(65536.0), built(512.0, 2e-6).build, "what differs between rays is noise");
+        // From what was measured at one count to another one.
+        let law = Law::new(Family::Isolines, [level(32.0), level(128.0)]);
+        assert_eq!(law.nearer(100, 1e-3, 1e-3), 108);
+        assert_eq!(law.nearer(100, 1e-3 * 2f64.powf(0.9), 1e-3), 212, "up at the pace that was measured");
+        assert_eq!(law.nearer(100, 1e-3 / 2f64.powf(1.7), 1e-3), 56, "down at the steepest");
+        assert_eq!(law.nearer(100, 0.0, 1e-3), 4);
+        assert!((law.error_beyond(50.0, 1e-3, 100.0) / 1e-3 - 2f64.powf(-0.9)).abs() < 1e-12);
         // Nothing wrong: the least that makes sense.
         let right = Level { rmse: 0.0, stated: 0.0, ..level(64.0) };
         assert_eq!(Law::new(Family::Isolines, [right, right]).candidate(1e-3, 10).count, 4);

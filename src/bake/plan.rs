@@ -223,6 +223,20 @@ impl Law {
         line.max(coarse.seconds * (count / coarse.count).min(1.0))
     }
 
+    /// From a number of isolines at which the error was measured, one nearer to where it is `aim`, on the safe side of it.
+    pub(super) fn nearer(&self, count: u32, error: f64, aim: f64) -> u32 {
+        /// Steps down fall short by this, and steps up go too far.
+        const SAFETY: f64 = 1.05;
+        let steepest = *self.family.exponents().end();
+        let exponent = if error > aim { self.exponent } else { steepest };
+        self.family.round(SAFETY * f64::from(count) * (error / aim).powf(exponent.recip()))
+    }
+
+    /// RMSE of so many lines or samples, given that of fewer.
+    pub(super) fn error_beyond(&self, known: f64, error: f64, count: f64) -> f64 {
+        error * (known / count).powf(self.exponent)
+    }
+
     /// As many lines or samples as reach `error`.
     pub(super) fn candidate(&self, error: f64, receivers: usize) -> Candidate {
         let count = self.count(error);
@@ -252,6 +266,12 @@ fn rank(candidates: &mut [Candidate], error: f64) {
 }
 
 impl Candidate {
+    /// The same where this root mean square of errors was stated with the error expected.
+    pub(super) fn with_stated(self, stated: f64) -> Self {
+        let share_of_stated = if stated > 0.0 { self.expected_error / stated } else { self.share_of_stated };
+        Self { share_of_stated, ..self }
+    }
+
     /// The exact method, as measured for `all` receivers.
     pub(super) fn exact(level: Level, all: usize) -> Self {
         Self {
@@ -276,7 +296,7 @@ const LEAST_BUILD: f64 = 0.3e-6;
 /// This error takes not many more than a hundred rays anywhere.
 const FEW_RAYS: f64 = 3e-2;
 
-/// Isolines by the thousand take up to so many times less than the few that were measured let expect.
+/// Fewer isolines than the two numbers first measured let expect may take up to so many times less.
 const DOUBT: f64 = 4.0;
 
 /// Above this error rays are tried first.
@@ -287,7 +307,7 @@ impl Prepared<'_> {
     /// of them. What is built meanwhile is kept for the run.
     ///
     /// Error along isolines is the difference between two numbers of lines, extrapolated by the exponent that their own
-    /// estimates show; of rays, their difference from those lines, or from four times as many rays. Which power of two suffices for rays is
+    /// estimates show, and then tried where that leads, beside exact values or four times as many lines; of rays, their difference from those lines, or from four times as many rays. Which power of two suffices for rays is
     /// tried: it depends on the luck of one set of directions.
     ///
     /// # Errors
@@ -343,9 +363,9 @@ impl Prepared<'_> {
         }
         if let Some(at) = candidates.iter().position(|candidate| candidate.family == Family::Isolines)
             && candidates[at].expected_seconds < DOUBT * candidates[0].expected_seconds
-            && let Some(better_known) = pilot.look_again(&candidates[at], aim, all, candidates[0].expected_seconds)?
+            && let Some(settled) = pilot.settle_isolines(&candidates[at], aim, all, candidates[0].expected_seconds)?
         {
-            candidates[at] = better_known;
+            candidates[at] = settled;
             rank(&mut candidates, goal.error);
         }
         let best = &candidates[0];

@@ -32,9 +32,12 @@ pub struct Race {
     #[arg(long, value_name = "T", value_delimiter = ',', default_values_t = [1],
         value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
     threads: Vec<usize>,
-    /// Receivers, about: whole tiles of a bake of 131072 points [default: 1024; quick: 64]
+    /// Receivers, about: whole tiles of the bake of a light map [default: 1024; quick: 64]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=131_072))]
     receivers: Option<usize>,
+    /// Points along a side of the light map: how many neighbours share a tile, up to 64 [default: 1024; quick: 256]
+    #[arg(long, value_name = "SIDE", value_parser = RangedU64ValueParser::<usize>::new().range(1..=8192))]
+    light_map: Option<usize>,
     /// Seconds that a run may take; dearer settings are left out [default: 8; quick: 0.05]
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     budget: Option<f64>,
@@ -111,20 +114,21 @@ impl Race {
         };
         let quantities: Vec<Quantity> = self.quantities.iter().map(|load| load.quantity()).collect();
         let terminal = Terminal::new(self.quiet);
-        let tracks = names.iter().map(|name| self.track(name, receivers));
+        let side = self.light_map.unwrap_or(if self.quick { 256 } else { 1024 });
+        let tracks = names.iter().map(|name| self.track(name, receivers, side));
         let result = race(tracks, &quantities, &self.threads, settings, command_line(), &self.output, &terminal);
         terminal.finish();
         print(result?.markdown())?;
         Ok(())
     }
 
-    fn track(&self, path: &Path, receivers: usize) -> Result<Track> {
+    fn track(&self, path: &Path, receivers: usize, side: usize) -> Result<Track> {
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let is_mesh = path.extension().is_some_and(|extension| extension != "toml");
         if self.over_plane && is_mesh {
-            return Track::new(name, over_plane(load_meshes(path)?)?, None, receivers);
+            return Track::new(name, over_plane(load_meshes(path)?)?, None, receivers, side);
         }
         let scene = scene(Some(path))?;
-        Track::new(name, scene.geometry, scene.environment, receivers)
+        Track::new(name, scene.geometry, scene.environment, receivers, side)
     }
 }

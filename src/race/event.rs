@@ -114,6 +114,7 @@ impl Lane<'_> {
             count: setting,
             threads: rayon::current_num_threads(),
             receivers,
+            tiles: track.tiles,
             build_seconds: run.build_seconds,
             seconds: seconds / receivers as f64,
             clock: clock / receivers as f64,

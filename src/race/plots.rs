@@ -117,6 +117,7 @@ mod tests {
             count: 2f64.powi(power),
             threads,
             receivers: 64,
+            tiles: 1,
             build_seconds: 1.0,
             seconds: slowness * 2f64.powi(power),
             clock: slowness * 2f64.powi(power) / (0.8 * (threads - 1) as f64 + 1.0),

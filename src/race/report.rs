@@ -170,7 +170,7 @@ impl Race {
     /// Every row, a line each, times in microseconds.
     pub fn csv(&self) -> String {
         let mut text = String::from(
-            "scene,triangles,quantity,method,setting,threads,receivers,build_s,us_per_receiver,planning_us_per_receiver,\
+            "scene,triangles,quantity,method,setting,threads,receivers,tiles,build_s,us_per_receiver,planning_us_per_receiver,\
              clock_us_per_receiver,speed_up,rmse,worst,stated_rms,verdict\n",
         );
         for row in &self.rows {
@@ -180,7 +180,7 @@ impl Race {
             };
             let _ = writeln!(
                 text,
-                "{},{},{},{},{},{},{},{:.4},{:.4},{:.4},{:.4},{},{:.3e},{:.3e},{:.3e},{}",
+                "{},{},{},{},{},{},{},{},{:.4},{:.4},{:.4},{:.4},{},{:.3e},{:.3e},{:.3e},{}",
                 quoted(&row.scene),
                 row.triangles,
                 row.quantity,
@@ -188,6 +188,7 @@ impl Race {
                 quoted(&row.setting),
                 row.threads,
                 row.receivers,
+                row.tiles,
                 row.build_seconds,
                 1e6 * row.seconds,
                 1e6 * row.planning,
@@ -268,8 +269,8 @@ impl Race {
             let first = rows[0];
             let _ = writeln!(
                 text,
-                "\n### {}, {} triangles, {}, {} receivers\n",
-                first.scene, first.triangles, first.quantity, first.receivers
+                "\n### {}, {} triangles, {}, {} receivers in {} tiles\n",
+                first.scene, first.triangles, first.quantity, first.receivers, first.tiles
             );
             let mut methods: Vec<&str> = Vec::new();
             for row in &rows {

@@ -19,6 +19,8 @@ pub struct Row {
     pub threads: usize,
     /// Receivers that were measured.
     pub receivers: usize,
+    /// Tiles that they are, each with one search for contours.
+    pub tiles: usize,
     /// Seconds to build everything that the method needs, from nothing.
     pub build_seconds: f64,
     /// Seconds per receiver: of the processor on one thread, on the clock on several. The least of all repeats.

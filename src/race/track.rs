@@ -19,6 +19,8 @@ pub struct Track {
     pub bake: Receivers,
     /// Whole tiles of the bake, evenly spread, in bake order: what is measured.
     pub receivers: Receivers,
+    /// Number of these tiles.
+    pub tiles: usize,
 }
 
 /// What is integrated.
@@ -58,21 +60,25 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// Points of the bake that the receivers are part of: a light map of 362 x 362.
-const BAKE: usize = 1 << 17;
-
 /// Distance of the receivers from the surface, as a fraction of the scene's diagonal: above the rounding of the rays' single
 /// precision, below anything that matters.
 const LIFT: f64 = 2e-5;
 
 impl Track {
-    /// A track with about `count` receivers; without an environment under the default [`Sky`].
+    /// A track with about `count` receivers of a bake of a light map of `side` x `side` points; without an environment under the
+    /// default [`Sky`].
     ///
     /// The bake's points are shared evenly among the meshes and spread evenly by area over each.
     ///
     /// # Errors
     /// A geometry without triangles.
-    pub fn new(name: String, geometry: Geometry, environment: Option<Environment>, count: usize) -> Result<Self> {
+    pub fn new(
+        name: String,
+        geometry: Geometry,
+        environment: Option<Environment>,
+        count: usize,
+        side: usize,
+    ) -> Result<Self> {
         let environment = match environment.filter(|light| light.uniform().is_none()) {
             Some(environment) => environment,
             None => Sky::default().environment()?,
@@ -81,10 +87,11 @@ impl Track {
             return Err(Error::input(format!("{name}: there are no triangles to race over")));
         };
         let diagonal = low.distance(high);
-        let bake = Receivers::points(points(&geometry, LIFT * diagonal));
+        let bake = Receivers::points(points(&geometry, side * side, LIFT * diagonal));
         let tiles = tiles(&geometry, &bake.positions, &bake.normals);
-        let receivers = bake.pick(spread(&tiles, count).into_iter().map(|index| index as usize));
-        Ok(Self { name, geometry, environment, bake, receivers })
+        let spread = spread(&tiles, count);
+        let receivers = bake.pick(spread.iter().copied().flatten().map(|&index| index as usize));
+        Ok(Self { name, geometry, environment, bake, receivers, tiles: spread.len() })
     }
 }
 
@@ -107,8 +114,8 @@ pub fn over_plane(meshes: Vec<Mesh>) -> Result<Geometry> {
     Ok(builder.build())
 }
 
-/// Points and normals of the bake.
-fn points(geometry: &Geometry, lift: f64) -> Vec<(DVec3, DVec3)> {
+/// So many points of the bake, or a few less, and normals.
+fn points(geometry: &Geometry, count: usize, lift: f64) -> Vec<(DVec3, DVec3)> {
     let mut random = Random::new(1);
     let mut by_mesh = vec![Vec::new(); geometry.meshes.len().max(1)];
     for face in 0..geometry.triangles.len() as u32 {
@@ -116,8 +123,8 @@ fn points(geometry: &Geometry, lift: f64) -> Vec<(DVec3, DVec3)> {
         by_mesh[geometry.triangle_mesh[face as usize] as usize].push((face, (b - a).cross(c - a).length()));
     }
     by_mesh.retain(|faces| !faces.is_empty());
-    let share = BAKE / by_mesh.len();
-    let mut points = Vec::with_capacity(BAKE);
+    let share = (count / by_mesh.len()).max(1);
+    let mut points = Vec::with_capacity(count);
     for faces in by_mesh {
         let step = faces.iter().map(|(_, area)| area).sum::<f64>() / share as f64;
         // One point at random in each step of the running area.
@@ -139,11 +146,11 @@ fn points(geometry: &Geometry, lift: f64) -> Vec<(DVec3, DVec3)> {
     points
 }
 
-/// About `count` receivers in whole tiles, evenly spread over all of them.
-fn spread(tiles: &[Vec<u32>], count: usize) -> Vec<u32> {
+/// Tiles, evenly spread over all of them, of about `count` receivers.
+fn spread(tiles: &[Vec<u32>], count: usize) -> Vec<&[u32]> {
     let all: usize = tiles.iter().map(Vec::len).sum();
     let wanted = (count * tiles.len()).div_ceil(all.max(1)).clamp(1, tiles.len().max(1));
-    (0..wanted).flat_map(|i| &tiles[(2 * i + 1) * tiles.len() / (2 * wanted)]).copied().collect()
+    (0..wanted).map(|i| &tiles[(2 * i + 1) * tiles.len() / (2 * wanted)][..]).collect()
 }
 
 #[cfg(test)]
@@ -154,11 +161,12 @@ mod tests {
     #[test]
     fn half_of_the_bake_lies_on_each_of_two_meshes_just_above_it() {
         let scene = Scene::builtin("icosphere").unwrap();
-        let track = Track::new("ico".into(), scene.geometry, None, 256).unwrap();
-        assert!((BAKE - 2..=BAKE).contains(&track.bake.len()), "{}", track.bake.len());
+        let track = Track::new("ico".into(), scene.geometry, None, 256, 300).unwrap();
+        assert!((89_998..=90_000).contains(&track.bake.len()), "{}", track.bake.len());
         let on_plane = track.bake.positions.iter().filter(|p| p.y < 0.1).count();
-        assert!(on_plane.abs_diff(BAKE / 2) < 2, "{on_plane}");
+        assert!(on_plane.abs_diff(45_000) < 2, "{on_plane}");
         assert!((128..=512).contains(&track.receivers.len()), "{}", track.receivers.len());
+        assert!((track.receivers.len().div_ceil(64)..64).contains(&track.tiles), "{}", track.tiles);
         for position in &track.bake.positions {
             let height = if position.y < 0.1 { position.y } else { (*position - DVec3::Y * 1.2).length() - 1.0 };
             // The facets' sagitta is below 0.004.
@@ -180,7 +188,7 @@ mod tests {
     #[test]
     fn nothing_cannot_be_raced_over() {
         let nothing = GeometryBuilder::default().build();
-        let message = Track::new("void".into(), nothing, None, 1).err().unwrap().to_string();
+        let message = Track::new("void".into(), nothing, None, 1, 8).err().unwrap().to_string();
         assert!(message.contains("void: there are no triangles"));
     }
 }
