@@ -44,9 +44,9 @@ fn gather(positions: &[DVec3], normals: &[DVec3], radius: f64) -> Vec<Vec<u32>> 
     let mut order: Vec<u32> = (0..positions.len() as u32).collect();
     let mut tiles = Vec::new();
     // The next one last.
-    let mut groups = vec![0..order.len()];
-    while let Some(group) = groups.pop() {
-        let members = &mut order[group.clone()];
+    let mut groups = Vec::from([(0, order.len())]);
+    while let Some((start, end)) = groups.pop() {
+        let members = &mut order[start..end];
         let (low, size) = bounds(members, positions);
         let is_long = size.length() > 2.0 * radius;
         if members.len() <= TILE_RECEIVERS && !is_long {
@@ -75,8 +75,8 @@ fn gather(positions: &[DVec3], normals: &[DVec3], radius: f64) -> Vec<Vec<u32>> 
             let half = members.len() / 2;
             below = if members.len() > TILE_RECEIVERS { half.next_multiple_of(TILE_RECEIVERS) } else { half };
         }
-        let middle = group.start + below;
-        groups.extend([middle..group.end, group.start..middle]);
+        let middle = start + below;
+        groups.extend([(middle, end), (start, middle)]);
     }
     tiles
 }
