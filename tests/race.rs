@@ -105,8 +105,8 @@ fn the_report_holds_everything() {
     let csv = read("race.csv");
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let expected = "scene triangles quantity method setting threads receivers build_s us_per_receiver";
-    assert_eq!(header[..9], expected.split(' ').collect::<Vec<_>>());
+    let expected = "scene triangles quantity method setting threads receivers tiles build_s us_per_receiver";
+    assert_eq!(header[..10], expected.split(' ').collect::<Vec<_>>());
     let mut methods = vec!["isolines", "exact", "qmc", "auto"];
     if cfg!(feature = "embree") {
         methods.push("embree");
