@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn two_sides_of_a_wall_are_two_tiles() {
         let at = |i: u32| DVec3::new(f64::from(i % 16), f64::from(i / 2 % 8), 0.01 * f64::from(i % 2));
-        let normal = |i: u32| if i % 2 == 0 { DVec3::NEG_Z } else { DVec3::Z };
+        let normal = |i: u32| if i.is_multiple_of(2) { DVec3::NEG_Z } else { DVec3::Z };
         let (points, normals): (Vec<_>, Vec<_>) = (0..128).map(|i| (at(i), normal(i))).unzip();
         let tiles = gather(&points, &normals, 20.0);
         assert!(tiles.iter().all(|tile| tile.iter().all(|i| i % 2 == tile[0] % 2)), "{tiles:?}");

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
     use crate::scene::faces_at;
     use crate::visibility::chart::{Chart, Outlook};
-    use crate::visibility::{MeridianFrame, Meridians};
+    use crate::visibility::{Frame, Isolines, MeridianFrame, Meridians};
 
     fn tree(corners: &[[Vec3; 3]]) -> FaceTree {
         let triangles: Arc<[[u32; 3]]> = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
@@ -200,19 +200,23 @@ mod tests {
         ) {
             let faces = tree(&corners);
             let meridians = Meridians::new(14).unwrap();
-            let axes = MeridianFrame::of_octant(octant).axes();
+            let isolines = Isolines::new(14).unwrap();
             let points: Vec<DVec3> = offsets.iter().map(|x| center.as_dvec3() + size * x.as_dvec3()).collect();
             let tile = Tile::new(points.iter().map(|&p| (p, None)));
-            let depth = |position, tile, beams: &mut Beams| {
+            let depths = |position, tile, beams: &mut Beams| {
+                let mut depths = [0; 2];
+                let axes = MeridianFrame::of_octant(octant).axes();
                 let outlook = Outlook { chart: &meridians, axes, position, normal: None };
-                let mut depth = 0;
-                Meridians::count(outlook, Rays { faces: &faces, tile, beams }, &[], |_, covers| depth += covers);
-                depth
+                Meridians::count(outlook, Rays { faces: &faces, tile, beams }, &[], |_, covers| depths[0] += covers);
+                let axes = Frame::facing(Some(axes.z_axis), 0).axes();
+                let outlook = Outlook { chart: &isolines, axes, position, normal: None };
+                Isolines::count(outlook, Rays { faces: &faces, tile, beams }, &[], |_, covers| depths[1] += covers);
+                depths
             };
             let mut beams = Beams::default();
             for &p in points.iter().chain(&points) {
-                let alone = depth(p, Tile::lone(p, None), &mut Beams::default());
-                prop_assert_eq!(depth(p, tile, &mut beams), alone);
+                let alone = depths(p, Tile::lone(p, None), &mut Beams::default());
+                prop_assert_eq!(depths(p, tile, &mut beams), alone);
                 let mut around = Vec::new();
                 Rays { faces: &faces, tile, beams: &mut beams }.visit(p, DVec3::ZERO, |face| around.push(face));
                 prop_assert!(faces_at(&faces, [p])[0].iter().all(|face| around.contains(face)));
@@ -231,8 +235,8 @@ mod tests {
         assert!(beams.gathered(&faces, &tile, DVec3::Z).is_none(), "the first one looks alone");
         let gathered = |beam: &Beam| beam.faces.iter().map(|&(face, _)| face).collect::<Vec<_>>();
         assert_eq!(beams.gathered(&faces, &tile, DVec3::Z).map(gathered), Some(vec![17 * 30 + 12]));
-        // Both triangles' boxes are around the one, not around the other.
-        for (point, number) in points.into_iter().zip([1, 1]) {
+        // The box around the triangle is around the first two points, but not around the third.
+        for (point, number) in points.into_iter().chain([DVec3::new(13.1, 17.5, 4.0)]).zip([1, 1, 0]) {
             let mut met = 0;
             Rays { faces: &faces, tile, beams: &mut beams }.visit(point, DVec3::Z, |_| met += 1);
             assert_eq!(met, number);
