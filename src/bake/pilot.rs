@@ -24,8 +24,8 @@ pub(super) struct Pilot<'a> {
     kernel: EmbreeKernel,
     /// The best values so far.
     reference: Option<Arrays>,
-    /// Exact values, where they take little time.
-    exact: Option<Arrays>,
+    /// Seconds of one receiver by the exact method, if it was measured.
+    exact: Option<f64>,
     built: Vec<(Family, f64)>,
     /// What is known of isolines.
     lines: Option<Law>,
@@ -55,7 +55,7 @@ const SHORT: f64 = 1e-3;
 const REPEATS: usize = 3;
 /// The errors that Embree's rays state are about this much too cautious; see [`crate::reference`].
 const CAUTION: f64 = 1.4;
-/// Trying isolines may take this share of the time expected for all.
+/// Trying isolines, and who judges them, may each take this share of the time expected for all.
 const LOOK: f64 = 0.1;
 /// Numbers of isolines that are tried at most.
 const TRIALS: usize = 5;
@@ -132,9 +132,7 @@ impl<'a> Pilot<'a> {
         }
         if family == Family::Exact {
             let (level, _) = self.measure(self.method(family, coarse), coarse, &self.tiles, REPEATS)?;
-            if ALONE * self.scattered.len() as f64 * level.seconds < LOOK * best {
-                self.exact = Some(self.measure(self.method(family, coarse), coarse, &self.scattered, 1)?.1);
-            }
+            self.exact = Some(level.seconds);
             return Ok(Some(Candidate::exact(level, all)));
         }
         let (mut coarse, coarse_values) = self.level(family, coarse)?;
@@ -195,28 +193,25 @@ impl<'a> Pilot<'a> {
         best: f64,
     ) -> Result<Option<Candidate>> {
         let Some(law) = self.lines.filter(|_| FEW * self.scattered.len() <= all) else { return Ok(None) };
-        let started = Instant::now();
-        let (better, lines) = match &self.exact {
-            Some(exact) => (exact.clone(), f64::INFINITY),
-            None => {
-                let count = promised.count.saturating_mul(BETTER);
-                let cost = law.build(count.into()) + self.scattered.len() as f64 * law.seconds(count.into());
-                if cost > LOOK * best {
-                    return Ok(None);
-                }
-                (self.measure(self.method(Family::Isolines, count), count, &self.scattered, 1)?.1, f64::from(count))
+        let (budget, receivers) = (LOOK * best, self.scattered.len() as f64);
+        let (better, lines) = if self.exact.is_some_and(|seconds| ALONE * receivers * seconds < budget) {
+            (self.measure(Method::Exact, 0, &self.scattered, 1)?.1, f64::INFINITY)
+        } else {
+            let count = promised.count.saturating_mul(BETTER);
+            if law.build(count.into()) + receivers * law.seconds(count.into()) > budget {
+                return Ok(None);
             }
+            (self.measure(self.method(Family::Isolines, count), count, &self.scattered, 1)?.1, f64::from(count))
         };
+        let started = Instant::now();
         let (mut settled, mut is_reached, mut count) = (None, false, promised.count);
         for _ in 0..TRIALS {
-            let cost = self.scattered.len() as f64 * law.seconds(count.into()) + law.build(count.into());
-            if started.elapsed().as_secs_f64() + cost > LOOK * best {
+            let cost = law.build(count.into()) + receivers * law.seconds(count.into());
+            if started.elapsed().as_secs_f64() + cost > budget {
                 break;
             }
             let (level, values) = self.measure(self.method(Family::Isolines, count), count, &self.scattered, 1)?;
-            // Less what the better ones lack themselves.
-            let share = (1.0 + (level.count / lines).powi(3)).sqrt().recip();
-            let error = share * difference(&values, &better);
+            let error = error_beside(&values, &better, (level.count / lines).powf(1.5));
             let next = law.nearer(count, error, aim);
             if error > aim {
                 if is_reached {
@@ -263,9 +258,7 @@ impl<'a> Pilot<'a> {
         };
         let error = |count: u32| {
             let (_, values) = self.measure(self.method(family, count), count, &self.scattered, 1)?;
-            // Less what the better ones lack themselves.
-            let share = (1.0 + (f64::from(count) / rays).powf(1.5)).sqrt().recip();
-            Ok::<_, Error>(share * difference(&values, &better))
+            Ok::<_, Error>(error_beside(&values, &better, (f64::from(count) / rays).powf(0.75)))
         };
         let mut settled = None;
         let mut count = promised.count / 2;
@@ -350,6 +343,11 @@ pub(super) fn difference(a: &Arrays, b: &Arrays) -> f64 {
     let rms =
         estimated.filter_map(|array| Some(rms(array.data.iter().zip(&b.get(&array.name)?.data).map(|(a, b)| a - b))));
     rms.fold(0.0, f64::max)
+}
+
+/// The error of values, beside better ones whose own is this part of it.
+fn error_beside(values: &Arrays, better: &Arrays, part: f64) -> f64 {
+    difference(values, better) / part.hypot(1.0)
 }
 
 /// Root mean square of the stated errors in the worst array.

@@ -350,6 +350,12 @@ pub(super) mod tests {
         DVec3::new(x.into(), y.into(), z.into()).try_normalize()
     }
 
+    /// Receivers among and beside loose triangles.
+    pub(in crate::visibility) fn in_a_row(normal: (i32, i32, i32)) -> [Receiver<'static>; 3] {
+        let normal = direction(normal);
+        [0.123, 0.456, 7.89].map(|x| Receiver { position: DVec3::new(x, 0.217, -0.391), normal, excluded: &[] })
+    }
+
     /// Spans of all isolines of both charts, none for a receiver that sees everything, the numbers of alarms, and of hidden groups.
     fn seen(
         viewer: &Viewer,
@@ -430,20 +436,20 @@ pub(super) mod tests {
             corners in prop::collection::vec((-9..10i32, -9..10i32, -9..10i32), 3..240),
             normal in (-2..3i32, -2..3i32, -2..3i32),
         ) {
-            let normal = direction(normal);
-            let at = |x: f64| Receiver { position: DVec3::new(x, 0.217, -0.391), normal, excluded: &[] };
-            skipping_changes_nothing(loose(&corners), &[at(0.123), at(0.456), at(7.89)], 4);
+            skipping_changes_nothing(loose(&corners), &in_a_row(normal), 4);
         }
     }
 
-    /// Shells in one another, the last without a lid, with things between them.
+    /// Shells in one another, with things between them: ten in all.
+    pub(in crate::visibility) fn shells() -> Vec<Block> {
+        let shells = (1..6).map(|i| [IVec3::splat(-4 * i), IVec3::splat(4 * i)]);
+        let things = (1..6).map(|i| IVec3::new(4 * i - 3, 1, -1)).map(|low| [low, low + IVec3::new(1, 2, 2)]);
+        shells.chain(things).collect()
+    }
+
     #[test]
     fn what_is_outside_of_a_shell_is_hidden() {
-        let mut blocks: Vec<Block> = (1..6).map(|i| [IVec3::splat(-4 * i), IVec3::splat(4 * i)]).collect();
-        for i in 1..6 {
-            let low = IVec3::new(4 * i - 3, 1, -1);
-            blocks.push([low, low + IVec3::new(1, 2, 2)]);
-        }
+        let blocks = shells();
         let at = |p: DVec3| Receiver { position: p, normal: Some(DVec3::new(0.6, 0.0, 0.8)), excluded: &[] };
         let inside = skipping_changes_nothing(mesh(&blocks), &[at(DVec3::new(-1.3, 0.2, 0.4))], 1);
         assert_eq!(inside, [9; 2], "of ten: the innermost covers all");

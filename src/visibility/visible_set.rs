@@ -257,7 +257,7 @@ mod tests {
 
     use super::*;
     use crate::sphere::BoundaryArc;
-    use crate::visibility::trace::tests::{Block, blocks, direction, loose, mesh, off_sides};
+    use crate::visibility::trace::tests::{blocks, direction, in_a_row, loose, mesh, off_sides, shells};
     use crate::visibility::{Receiver, View, Viewer};
 
     /// What is compared: all that results are made of.
@@ -345,22 +345,15 @@ mod tests {
             corners in prop::collection::vec((-9..10i32, -9..10i32, -9..10i32), 3..240),
             normal in (-2..3i32, -2..3i32, -2..3i32),
         ) {
-            let normal = direction(normal);
-            let at = |x: f64| Receiver { position: DVec3::new(x, 0.217, -0.391), normal, excluded: &[] };
-            leaving_out_changes_nothing(loose(&corners), &[at(0.123), at(0.456), at(7.89)], 4);
+            leaving_out_changes_nothing(loose(&corners), &in_a_row(normal), 4);
         }
     }
 
-    /// Shells in one another, the last without a lid, with things between them.
     #[test]
     fn what_is_outside_of_a_shell_is_hidden() {
-        let mut blocks: Vec<Block> = (1..6).map(|i| [IVec3::splat(-4 * i), IVec3::splat(4 * i)]).collect();
-        for i in 1..6 {
-            let low = IVec3::new(4 * i - 3, 1, -1);
-            blocks.push([low, low + IVec3::new(1, 2, 2)]);
-        }
-        let at = |p: DVec3| Receiver { position: p, normal: Some(DVec3::new(0.6, 0.0, 0.8)), excluded: &[] };
-        let inside = leaving_out_changes_nothing(mesh(&blocks), &[at(DVec3::new(-1.3, 0.2, 0.4))], 1);
+        let normal = Some(DVec3::new(0.6, 0.0, 0.8));
+        let receiver = Receiver { position: DVec3::new(-1.3, 0.2, 0.4), normal, excluded: &[] };
+        let inside = leaving_out_changes_nothing(mesh(&shells()), &[receiver], 1);
         assert_eq!(inside, 9, "of ten: the innermost covers all");
     }
 
