@@ -28,6 +28,16 @@ pub struct Part {
     pub(crate) regular: usize,
     /// The next ones have one face.
     pub(crate) border: usize,
+    /// What the first edges are divided into.
+    pub(crate) blocks: Range<usize>,
+}
+
+/// Edges with two faces each in opposite directions, and their faces, which have numbers of their own in every block: so few, mostly,
+/// that they fit into a table.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    pub(crate) edges: Range<usize>,
+    pub(crate) faces: Range<usize>,
 }
 
 /// An edge that may be a contour for some receiver of a tile.
@@ -63,6 +73,7 @@ pub struct Candidates {
     pub(crate) pairs: Pairs,
     pub(crate) incidences: Vec<Incidence>,
     pub(crate) incidence_count: usize,
+    pub(crate) blocks: Vec<Block>,
     pub(crate) parts: Vec<Part>,
     /// For every group the number of its part, plus one; zero if it has not been searched.
     part_of: Vec<u32>,
@@ -78,6 +89,7 @@ impl Candidates {
         self.faces.clear(bvh.triangles.len());
         (self.edge_count, self.incidence_count) = (0, 0);
         (self.nodes_tested, self.edges_tested) = (0, 0);
+        self.blocks.clear();
         for part in self.parts.drain(..) {
             // Of a group of another tree, perhaps.
             if let Some(part_of) = self.part_of.get_mut(part.group as usize) {
@@ -230,11 +242,12 @@ impl Candidates {
         out.room(faces.end, last.edges.end - first.edges.start);
         let signs = &mut out.signs[..faces.end];
         self.signs(receiver, faces.start, &mut signs[faces.clone()]);
-        let mut is_whole = true;
+        // None of the faces from here on is excluded.
+        let mut whole_from = faces.start;
         for &face in excluded {
             if let Some(local) = self.local_face(face).filter(|&local| faces.contains(&(local as usize))) {
                 signs[local as usize] = 0;
-                is_whole = false;
+                whole_from = whole_from.max(local as usize + 1);
             }
         }
 
@@ -245,18 +258,15 @@ impl Candidates {
             let (regular, rest) = self.incidences()[part.first..].split_at(2 * part.regular);
             let border = &rest[..part.border];
             let next = part.edges.start + part.regular;
-            #[cfg(target_arch = "x86_64")]
-            let looked_up = (LOOKUP && is_whole && part.faces.len() <= FACES).then(|| {
-                let signs = &signs[part.faces.clone()];
-                // SAFETY: the processor has the features.
-                unsafe { self.pairs.contours(part.edges.start..next, signs, &mut buffer[count..]) }
-            });
-            #[cfg(not(target_arch = "x86_64"))]
-            let looked_up = None;
-            if let Some(found) = looked_up {
-                count += found;
-            } else {
-                for (edge, uses) in (part.edges.start..).zip(regular.chunks_exact(2)) {
+            for Block { edges, faces } in &self.blocks[part.blocks.clone()] {
+                #[cfg(target_arch = "x86_64")]
+                if LOOKUP && faces.start >= whole_from && faces.len() <= FACES {
+                    // SAFETY: the processor has the features.
+                    count += unsafe { self.pairs.contours(edges.clone(), &signs[faces.clone()], &mut buffer[count..]) };
+                    continue;
+                }
+                let uses = &regular[2 * (edges.start - part.edges.start)..];
+                for (edge, uses) in edges.clone().zip(uses.chunks_exact(2)) {
                     let [f, g] = [0, 1].map(|side| i32::from(signs[uses[side].face() as usize]));
                     put(buffer, &mut count, edge, f - g);
                 }

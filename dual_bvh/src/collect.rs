@@ -2,12 +2,11 @@
 
 use glam::DVec3;
 
-use crate::candidates::{CandidateEdge, Candidates, Part, room};
+use crate::candidates::{Block, CandidateEdge, Candidates, Part, room};
 use crate::edge::Incidence;
 use crate::face::{face_normal, plane_value, sign};
 #[cfg(target_arch = "x86_64")]
 use crate::features::has_lookup;
-#[cfg(target_arch = "x86_64")]
 use crate::pairs::FACES;
 use crate::prefetch::{AHEAD, ahead, prefetch};
 use crate::search::Scratch;
@@ -17,11 +16,16 @@ impl DualBvh {
     /// Turns the hits in a group into candidates, in simple passes, each of which lets many loads overlap.
     #[inline(always)]
     pub(crate) fn collect(&self, group: u32, tile: &Tile<'_>, scratch: &mut Scratch, out: &mut Candidates) {
-        let Scratch { hits, regular, border, other, .. } = scratch;
+        let Scratch { hits, excluded_hits, regular, border, other, .. } = scratch;
         regular.clear();
         border.clear();
         other.clear();
-        for &edge in ahead(hits, AHEAD, |&edge| prefetch(&self.edges.records[edge as usize])) {
+        // So many edges come first of which some face may be left out; all, if there is no other.
+        let mut together = usize::MAX;
+        for (hit, &edge) in ahead(hits, AHEAD, |&edge| prefetch(&self.edges.records[edge as usize])).enumerate() {
+            if hit == *excluded_hits {
+                together = regular.len();
+            }
             let record = self.edges.records[edge as usize];
             if let Some(faces) = record.regular() {
                 regular.push((record.vertices(), faces));
@@ -72,19 +76,31 @@ impl DualBvh {
         out.faces.reserve(out.incidence_count - old_incidences + 1);
         let (pairs, rest) = out.incidences[old_incidences..].split_at_mut(2 * regular.len());
         let (lone, rest) = rest.split_at_mut(border.len());
+        let number =
+            |(local, use_): (&mut Incidence, Incidence)| *local = use_.with_face(out.faces.insert(use_.face()));
+        let others = other.iter().flat_map(|&edge| self.edge_faces(edge));
+        lone.iter_mut().zip(border.iter().map(|&(_, use_)| use_)).chain(rest.iter_mut().zip(others)).for_each(number);
+        let old_blocks = out.blocks.len();
+        let mut block = Block { edges: old_edges..old_edges, faces: old_faces..old_faces };
         for i in 0..regular.len() {
             if let Some(&(_, [f, g])) = regular.get(i + AHEAD) {
                 out.faces.prefetch(f);
                 out.faces.prefetch(g);
             }
+            let faces = out.faces.globals().len();
+            // All edges of excluded faces stay together, so that these have one number each.
+            if i >= together && faces + 2 > block.faces.start + FACES {
+                (block.edges.end, block.faces.end) = (old_edges + i, faces);
+                let next = Block { edges: block.edges.end..block.edges.end, faces: faces..faces };
+                out.blocks.push(std::mem::replace(&mut block, next));
+                out.faces.begin_part();
+            }
             let (_, [f, g]) = regular[i];
             pairs[2 * i] = Incidence::new(out.faces.insert(f), false);
             pairs[2 * i + 1] = Incidence::new(out.faces.insert(g), true);
         }
-        let number =
-            |(local, use_): (&mut Incidence, Incidence)| *local = use_.with_face(out.faces.insert(use_.face()));
-        let others = other.iter().flat_map(|&edge| self.edge_faces(edge));
-        lone.iter_mut().zip(border.iter().map(|&(_, use_)| use_)).chain(rest.iter_mut().zip(others)).for_each(number);
+        (block.edges.end, block.faces.end) = (old_edges + regular.len(), out.faces.globals().len());
+        out.blocks.push(block);
 
         let vertices = out.vertices.globals();
         out.positions.iter_mut().for_each(|lanes| room(lanes, vertices.len()));
@@ -94,10 +110,14 @@ impl DualBvh {
             [*x, *y, *z] = self.positions[vertex as usize].to_array();
         }
         #[cfg(target_arch = "x86_64")]
-        if out.faces.globals().len() - old_faces <= FACES && has_lookup() {
+        if has_lookup() {
             out.pairs.room(out.edge_count);
-            let uses = out.incidences[old_incidences..][..2 * regular.len()].chunks_exact(2);
-            out.pairs.set(old_edges, uses.map(|uses| [0, 1].map(|side| uses[side].face() - old_faces as u32)));
+            for block in out.blocks[old_blocks..].iter().filter(|block| block.faces.len() <= FACES) {
+                let uses = &out.incidences[old_incidences..][2 * (block.edges.start - old_edges)..];
+                let uses = uses[..2 * block.edges.len()].chunks_exact(2);
+                let first = block.faces.start as u32;
+                out.pairs.set(block.edges.start, uses.map(|uses| [0, 1].map(|side| uses[side].face() - first)));
+            }
         }
         let part = Part {
             group,
@@ -105,6 +125,7 @@ impl DualBvh {
             faces: old_faces..out.faces.globals().len(),
             edges: old_edges..out.edge_count,
             first: old_incidences,
+            blocks: old_blocks..out.blocks.len(),
             regular: regular.len(),
             border: border.len(),
         };

@@ -22,6 +22,8 @@ pub(crate) struct Scratch {
     children: Vec<u32>,
     leaves: Vec<LeafHit>,
     pub(crate) hits: Vec<u32>,
+    /// The first hits, of excluded faces.
+    pub(crate) excluded_hits: usize,
     /// Vertices and faces of the found edges with two faces in opposite directions.
     pub(crate) regular: Vec<([u32; 2], [u32; 2])>,
     /// Vertices and faces of the found edges with one face.
@@ -45,7 +47,7 @@ impl Scratch {
 
     /// Marks the edges of the group's excluded faces and makes them the first hits.
     fn exclude(&mut self, bvh: &DualBvh, group: u32, tile: &Tile<'_>) {
-        let Self { hits, excluded, excluded_faces, .. } = self;
+        let Self { hits, excluded_hits, excluded, excluded_faces, .. } = self;
         hits.clear();
         excluded.clear();
         let edges = bvh.group_edges(group);
@@ -68,6 +70,7 @@ impl Scratch {
             let [start, end] = [group, group + 1].map(|group| excluded_faces.partition_point(|face| face.0 < group));
             excluded_faces[start..end].iter().for_each(|&(_, _, face)| mark(face));
         }
+        *excluded_hits = hits.len();
     }
 }
 
@@ -119,6 +122,8 @@ impl DualBvh {
         for group in 0..self.groups() as u32 {
             scratch.hits.clear();
             scratch.hits.extend(self.group_edges(group));
+            // Receivers may exclude any.
+            scratch.excluded_hits = scratch.hits.len();
             self.collect(group, &everywhere, &mut scratch, out);
         }
         (out.nodes_tested, out.edges_tested) = (0, self.edge_count() as u64);

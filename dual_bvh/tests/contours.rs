@@ -266,3 +266,33 @@ fn groups_together_have_the_contours_of_all() {
         assert_eq!(candidates.parts().len(), parts + 1);
     }
 }
+
+/// So many candidates of one body that their faces are numbered in several blocks, and faces left out here and there.
+#[test]
+fn many_candidates_of_one_body_are_those_of_the_twin() {
+    let side = 120;
+    let positions: Vec<Vec3> = (0..side * side)
+        .map(|i| ((i % side) as f32, (i / side) as f32))
+        .map(|(x, y)| Vec3::new(x, y, 3.0 * (0.7 * x).sin() * (0.9 * y).cos()))
+        .collect();
+    let cells = (0..(side - 1) * (side - 1)).map(|i| (i % (side - 1) + i / (side - 1) * side) as u32);
+    let next = side as u32;
+    let triangles = cells.flat_map(|i| [[i, i + 1, i + next], [i + 1, i + next + 1, i + next]]).collect();
+    let mesh = Mesh { positions, triangles };
+    let tree = DualBvh::build(mesh.positions.clone().into(), mesh.triangles.clone().into(), &BuildOptions::default());
+    let tree = tree.unwrap();
+    let receivers = [dvec3(3.0, 7.0, 9.0), dvec3(100.0, 80.0, 2.0), dvec3(60.3, 59.7, 1.0)];
+    let many: Vec<u32> = (0..mesh.triangles.len() as u32).step_by(9).collect();
+    for excluded in [&[][..], &[5, 6, 20_011], &many] {
+        let tile = Tile::new(receivers.map(|p| (p, None)).into_iter());
+        let mut everything = Candidates::default();
+        tree.all_edges(&mut everything);
+        let found = search(&tree, &tile.with_faces(excluded));
+        assert!(found.edges().len() > 30_000, "{}", found.edges().len());
+        for receiver in receivers {
+            let expected = brute(&mesh, receiver, excluded);
+            assert_eq!(contours(&found, receiver, excluded), expected);
+            assert_eq!(contours(&everything, receiver, excluded), expected);
+        }
+    }
+}

@@ -27,6 +27,13 @@ pub fn angle(x: f64, y: f64) -> f64 {
     angle_by(&ARCTANGENT, x, y)
 }
 
+/// Angle of (x, y) with the x axis, in [-pi, pi] with the sign of y; zero for (0, 0). As [`angle`].
+#[inline(always)]
+pub(super) fn signed_angle(x: f64, y: f64) -> f64 {
+    let angle = angle(x, y.abs()).copysign(y);
+    if x == 0.0 && y == 0.0 { 0.0 } else { angle }
+}
+
 /// [`angle`] to 4e-9, in two thirds of the time.
 #[inline(always)]
 pub fn rough_angle(x: f64, y: f64) -> f64 {

@@ -24,14 +24,18 @@ use std::sync::LazyLock;
 
 use glam::DVec3;
 
+use super::arcs::angles;
 use super::{BoundaryArc, Order, evaluate};
 
 /// Bands on offer: one more than [`Order::MAX`], for products with a cosine.
 const BANDS: usize = 11;
-/// Lobes handled side by side.
-const LANES: usize = 4;
-/// Lanes that hold the 2n - 1 or more lobes of any order.
-const BLOCKS: usize = (2 * BANDS - 1).div_ceil(LANES);
+/// Lobes of the highest order.
+const MOST_LOBES: usize = count(BANDS);
+
+/// Number of lobes of an order: at least 2n - 1, in fours, which are handled side by side.
+const fn count(bands: usize) -> usize {
+    (2 * bands - 1).next_multiple_of(4)
+}
 
 /// Half turns from one lobe to the next and height of the first in steps, by order from 2: spirals on a hemisphere with
 /// whole lanes of lobes and no more than band l = n - 1 needs. Found by a search; none amplifies rounding more than
@@ -49,12 +53,10 @@ const SPIRALS: [(f64, f64); BANDS - 1] = [
     (0.4133, 0.95),
 ];
 
-type Lane = [f64; LANES];
-
 /// The lobes of one order.
 struct Lobes {
-    blocks: usize,
-    directions: [[Lane; BLOCKS]; 3],
+    count: usize,
+    directions: [[f64; MOST_LOBES]; 3],
     /// For each band from 1: row-major (2l+1) x (number of lobes), from the sums over arcs to coefficients.
     solve: Vec<Vec<f64>>,
 }
@@ -64,8 +66,7 @@ static LOBES: LazyLock<Vec<Lobes>> = LazyLock::new(|| (1..=BANDS).map(Lobes::new
 impl Lobes {
     /// Directions on one hemisphere: parity makes the other redundant.
     fn new(bands: usize) -> Self {
-        let blocks = (2 * bands - 1).div_ceil(LANES);
-        let count = LANES * blocks;
+        let count = count(bands);
         let (turn, first) = if bands > 1 { SPIRALS[bands - 2] } else { (0.0, 0.5) };
         let lobes: Vec<DVec3> = (0..count)
             .map(|k| {
@@ -75,10 +76,10 @@ impl Lobes {
                 DVec3::new(r * c, r * s, z)
             })
             .collect();
-        let mut directions = [[[0.0; LANES]; BLOCKS]; 3];
+        let mut directions = [[0.0; MOST_LOBES]; 3];
         for (k, w) in lobes.iter().enumerate() {
             for (axis, value) in w.to_array().into_iter().enumerate() {
-                directions[axis][k / LANES][k % LANES] = value;
+                directions[axis][k] = value;
             }
         }
         let order = Order::new(bands.min(Order::MAX.bands())).expect("1 to 10 bands are an order");
@@ -99,7 +100,7 @@ impl Lobes {
                 pseudo_inverse(&basis, scale)
             })
             .collect();
-        Self { blocks, directions, solve }
+        Self { count, directions, solve }
     }
 }
 
@@ -138,10 +139,10 @@ pub fn region_harmonics(order: Order, arcs: &[BoundaryArc], solid_angle: f64, ou
         return;
     }
     let lobes = &LOBES[order.bands() - 1];
-    let mut sums = [[[0.0; LANES]; BLOCKS]; BANDS];
-    accumulate(order.bands(), lobes, arcs, &mut sums);
+    let mut sums = [[0.0; MOST_LOBES]; BANDS];
+    accumulate(order.bands(), lobes, arcs, &angles(arcs), &mut sums);
     for l in 1..order.bands() {
-        let sums = &sums[l].as_flattened()[..LANES * lobes.blocks];
+        let sums = &sums[l][..lobes.count];
         let rows = lobes.solve[l - 1].chunks_exact(sums.len());
         for (coefficient, row) in out[l * l..].iter_mut().zip(rows) {
             *coefficient = row.iter().zip(sums).map(|(a, b)| a * b).sum();
@@ -149,77 +150,128 @@ pub fn region_harmonics(order: Order, arcs: &[BoundaryArc], solid_angle: f64, ou
     }
 }
 
-/// Adds (w_k . N) D_l of every arc, lobe k and band l to `sums[l][k]`.
-fn accumulate(bands: usize, lobes: &Lobes, arcs: &[BoundaryArc], sums: &mut [[Lane; BLOCKS]; BANDS]) {
+/// Adds (w_k . N) D_l of every arc, given with its angle, lobe k and band l to `sums[l][k]`.
+fn accumulate(
+    bands: usize,
+    lobes: &Lobes,
+    arcs: &[BoundaryArc],
+    angles: &[f64],
+    sums: &mut [[f64; MOST_LOBES]; BANDS],
+) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has AVX2.
-        return unsafe { accumulate_avx2(bands, lobes, arcs, sums) };
+        return unsafe { accumulate_avx2(bands, lobes, arcs, angles, sums) };
     }
-    accumulate_portable(bands, lobes, arcs, sums);
+    accumulate_portable(bands, lobes, arcs, angles, sums);
 }
 
 /// The portable loop compiled for four lanes of f64; without fused products, so the bits are the same.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn accumulate_avx2(bands: usize, lobes: &Lobes, arcs: &[BoundaryArc], sums: &mut [[Lane; BLOCKS]; BANDS]) {
-    accumulate_portable(bands, lobes, arcs, sums);
+fn accumulate_avx2(
+    bands: usize,
+    lobes: &Lobes,
+    arcs: &[BoundaryArc],
+    angles: &[f64],
+    sums: &mut [[f64; MOST_LOBES]; BANDS],
+) {
+    accumulate_portable(bands, lobes, arcs, angles, sums);
 }
 
 #[inline(always)]
-fn lanes(f: impl Fn(usize) -> f64) -> Lane {
-    std::array::from_fn(f)
+fn accumulate_portable(
+    bands: usize,
+    lobes: &Lobes,
+    arcs: &[BoundaryArc],
+    angles: &[f64],
+    sums: &mut [[f64; MOST_LOBES]; BANDS],
+) {
+    // Numbers that are known beforehand: without them it takes a tenth longer.
+    match bands {
+        2 => accumulate_bands::<2, { count(2) }>(lobes, arcs, angles, sums),
+        3 => accumulate_bands::<3, { count(3) }>(lobes, arcs, angles, sums),
+        4 => accumulate_bands::<4, { count(4) }>(lobes, arcs, angles, sums),
+        5 => accumulate_bands::<5, { count(5) }>(lobes, arcs, angles, sums),
+        6 => accumulate_bands::<6, { count(6) }>(lobes, arcs, angles, sums),
+        7 => accumulate_bands::<7, { count(7) }>(lobes, arcs, angles, sums),
+        8 => accumulate_bands::<8, { count(8) }>(lobes, arcs, angles, sums),
+        9 => accumulate_bands::<9, { count(9) }>(lobes, arcs, angles, sums),
+        10 => accumulate_bands::<10, { count(10) }>(lobes, arcs, angles, sums),
+        _ => accumulate_bands::<BANDS, MOST_LOBES>(lobes, arcs, angles, sums),
+    }
 }
 
+/// The recurrences of some lobes: entry 0 is band l - 1, entry 1 band l - 2; P and P' at both ends of the arc, then the integrals.
+struct Recurrences<const COUNT: usize> {
+    p_start: [[f64; COUNT]; 2],
+    p_end: [[f64; COUNT]; 2],
+    q_start: [[f64; COUNT]; 2],
+    q_end: [[f64; COUNT]; 2],
+    b: [f64; COUNT],
+    d: [[f64; COUNT]; 2],
+    e: [[f64; COUNT]; 2],
+}
+
+/// One lobe after another in the innermost loop, all independent: compilers evaluate several at once.
 #[inline(always)]
-fn accumulate_portable(bands: usize, lobes: &Lobes, arcs: &[BoundaryArc], sums: &mut [[Lane; BLOCKS]; BANDS]) {
-    for arc in arcs {
+fn accumulate_bands<const N: usize, const COUNT: usize>(
+    lobes: &Lobes,
+    arcs: &[BoundaryArc],
+    angles: &[f64],
+    sums: &mut [[f64; MOST_LOBES]; BANDS],
+) {
+    let zero = [0.0; COUNT];
+    let [x, y, z] = &lobes.directions;
+    for (arc, &tau) in arcs.iter().zip(angles) {
         let tangent = arc.normal.cross(arc.start);
         let (sin, cos) = (tangent.dot(arc.end), arc.start.dot(arc.end));
-        let tau = sin.atan2(cos);
-        for block in 0..lobes.blocks {
-            let [x, y, z] = &lobes.directions;
-            let (x, y, z) = (&x[block], &y[block], &z[block]);
-            let dot = |v: DVec3| lanes(|i| x[i] * v.x + y[i] * v.y + z[i] * v.z);
-            let (a, b, n) = (dot(arc.start), dot(tangent), dot(arc.normal));
-            let z1 = lanes(|i| a[i] * cos + b[i] * sin);
-            let slope1 = lanes(|i| b[i] * cos - a[i] * sin);
-            let off_circle = lanes(|i| 1.0 - a[i] * a[i] - b[i] * b[i]);
-
-            // Index 0 is band l-1, index 1 band l-2; P and P' at both ends, then the integrals.
-            let zero = [0.0; LANES];
-            let (mut p0, mut p0_before) = ([1.0; LANES], zero);
-            let (mut p1, mut p1_before) = ([1.0; LANES], zero);
-            let (mut q0, mut q0_before) = (zero, zero);
-            let (mut q1, mut q1_before) = (zero, zero);
-            let mut integral = [tau; LANES];
-            let (mut d, mut d_before) = (zero, zero);
-            let (mut e, mut e_before) = (zero, zero);
-            for (l, sums) in sums.iter_mut().enumerate().take(bands).skip(1) {
-                let odd = (2 * l - 1) as f64;
-                let (inverse, inverse_square) = (1.0 / l as f64, 1.0 / (l * l) as f64);
-                let d_next = lanes(|i| d_before[i] + odd * integral[i]);
-                let e_next = lanes(|i| e_before[i] + odd * d[i]);
-                let q0_next = lanes(|i| q0_before[i] + odd * p0[i]);
-                let q1_next = lanes(|i| q1_before[i] + odd * p1[i]);
-                integral = lanes(|i| {
-                    let ends = slope1[i] * q1_next[i] - b[i] * q0_next[i];
-                    (d[i] - off_circle[i] * e_next[i] - ends) * inverse_square
-                });
-                let p0_next = lanes(|i| (odd * a[i] * p0[i] - (odd - l as f64) * p0_before[i]) * inverse);
-                let p1_next = lanes(|i| (odd * z1[i] * p1[i] - (odd - l as f64) * p1_before[i]) * inverse);
-                (d_before, d) = (d, d_next);
-                (e_before, e) = (e, e_next);
-                (q0_before, q0) = (q0, q0_next);
-                (q1_before, q1) = (q1, q1_next);
-                (p0_before, p0) = (p0, p0_next);
-                (p1_before, p1) = (p1, p1_next);
-                let sum = &mut sums[block];
-                *sum = lanes(|i| sum[i] + n[i] * d[i]);
+        let (mut a, mut b, mut n) = (zero, zero, zero);
+        let (mut z_end, mut slope_end, mut off_circle) = (zero, zero, zero);
+        for i in 0..COUNT {
+            a[i] = x[i] * arc.start.x + y[i] * arc.start.y + z[i] * arc.start.z;
+            b[i] = x[i] * tangent.x + y[i] * tangent.y + z[i] * tangent.z;
+            n[i] = x[i] * arc.normal.x + y[i] * arc.normal.y + z[i] * arc.normal.z;
+            z_end[i] = a[i] * cos + b[i] * sin;
+            slope_end[i] = b[i] * cos - a[i] * sin;
+            off_circle[i] = 1.0 - a[i] * a[i] - b[i] * b[i];
+        }
+        let (none, one) = ([zero; 2], [[1.0; COUNT], zero]);
+        let mut at =
+            Recurrences { p_start: one, p_end: one, q_start: none, q_end: none, b: [tau; COUNT], d: none, e: none };
+        for (l, sums) in sums.iter_mut().enumerate().take(N).skip(1) {
+            let [odd, before, inverse, inverse_square] = FACTORS[l];
+            for i in 0..COUNT {
+                let d = at.d[1][i] + odd * at.b[i];
+                let e = at.e[1][i] + odd * at.d[0][i];
+                let q_start = at.q_start[1][i] + odd * at.p_start[0][i];
+                let q_end = at.q_end[1][i] + odd * at.p_end[0][i];
+                let ends = slope_end[i] * q_end - b[i] * q_start;
+                let p_start = (odd * a[i] * at.p_start[0][i] - before * at.p_start[1][i]) * inverse;
+                let p_end = (odd * z_end[i] * at.p_end[0][i] - before * at.p_end[1][i]) * inverse;
+                at.b[i] = (at.d[0][i] - off_circle[i] * e - ends) * inverse_square;
+                (at.d[1][i], at.d[0][i]) = (at.d[0][i], d);
+                (at.e[1][i], at.e[0][i]) = (at.e[0][i], e);
+                (at.q_start[1][i], at.q_start[0][i]) = (at.q_start[0][i], q_start);
+                (at.q_end[1][i], at.q_end[0][i]) = (at.q_end[0][i], q_end);
+                (at.p_start[1][i], at.p_start[0][i]) = (at.p_start[0][i], p_start);
+                (at.p_end[1][i], at.p_end[0][i]) = (at.p_end[0][i], p_end);
+                sums[i] += n[i] * d;
             }
         }
     }
 }
+
+/// For each band l: 2l - 1, l - 1, 1 / l and 1 / l^2.
+const FACTORS: [[f64; 4]; BANDS] = {
+    let mut factors = [[0.0; 4]; BANDS];
+    let mut l = 1;
+    while l < BANDS {
+        factors[l] = [(2 * l - 1) as f64, (l - 1) as f64, 1.0 / l as f64, 1.0 / (l * l) as f64];
+        l += 1;
+    }
+    factors
+};
 
 #[cfg(test)]
 mod tests {
@@ -230,7 +282,7 @@ mod tests {
     fn lobes_do_not_amplify_rounding() {
         for bands in 2..=BANDS {
             let lobes = Lobes::new(bands);
-            let count = LANES * lobes.blocks;
+            let count = lobes.count;
             for l in 1..bands {
                 let perfect = (2 * l + 1) as f64 / (l * (l + 1)) as f64 / (4.0 * PI * count as f64).sqrt();
                 for row in lobes.solve[l - 1].chunks_exact(count) {
@@ -253,10 +305,11 @@ mod tests {
             })
             .collect();
         let lobes = &LOBES[BANDS - 1];
-        let (mut a, mut b) = ([[[0.0; LANES]; BLOCKS]; BANDS], [[[0.0; LANES]; BLOCKS]; BANDS]);
-        accumulate(BANDS, lobes, &arcs, &mut a);
-        accumulate_portable(BANDS, lobes, &arcs, &mut b);
-        assert!(a.iter().flatten().flatten().any(|sum| *sum != 0.0));
+        let (mut a, mut b) = ([[0.0; MOST_LOBES]; BANDS], [[0.0; MOST_LOBES]; BANDS]);
+        let angles = angles(&arcs);
+        accumulate(BANDS, lobes, &arcs, &angles, &mut a);
+        accumulate_portable(BANDS, lobes, &arcs, &angles, &mut b);
+        assert!(a.iter().flatten().any(|sum| *sum != 0.0));
         assert_eq!(a, b);
     }
 }

@@ -10,6 +10,7 @@ mod front;
 mod gaps;
 mod meridians;
 mod octahedron;
+mod outline;
 mod searches;
 mod skips;
 mod spans;

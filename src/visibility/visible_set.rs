@@ -5,6 +5,7 @@ use super::chart::{Chart, Outlook};
 use super::depth::{count_along, is_covered};
 use super::exact::{self, Region};
 use super::front::{Front, is_sunken};
+use super::outline::Outline;
 use super::searches::Wanted;
 use super::trace::{Found, Look, Tracer};
 use super::{MeridianFrame, Meridians, ReceiverContours, Skips};
@@ -19,6 +20,7 @@ pub(super) struct VisibleSet {
     meridians: Meridians,
     tracer: Tracer<<Meridians as Chart>::Piece>,
     front: Front,
+    outline: Outline,
     groups: Vec<u32>,
     /// For each group whether it is one of them, and about how many contours it has.
     is_in: Vec<bool>,
@@ -41,7 +43,8 @@ const ROUNDS: usize = 3;
 /// With fewer contours than half left out, what two rounds cost is more than what they save.
 const LEAST: f64 = 0.5;
 
-/// What solving saves with every contour less. Units are tests of eight arcs against a box, a few nanoseconds.
+/// What solving saves with every contour less. Units are tests of eight arcs against a box, or against the way to its middle, a few
+/// nanoseconds.
 const CONTOUR: f64 = 40.0;
 /// What it costs to find a contour and to put it before the isolines that predict.
 const CROSSED: f64 = 10.0;
@@ -67,6 +70,7 @@ impl Default for VisibleSet {
             meridians: Meridians::new(LINES).expect("the number of isolines is a constant"),
             tracer: Tracer::default(),
             front: Front::default(),
+            outline: Outline::default(),
             groups: Vec::new(),
             is_in: Vec::new(),
             contours: Vec::new(),
@@ -213,6 +217,7 @@ impl VisibleSet {
         }
         let boxes = eye.wanted.edges.group_boxes();
         self.front.take_arcs(region.boundary());
+        self.outline.take(region.boundary(), region.known());
         self.stack.clear();
         self.stack.push((boxes.len() - 1, 0));
         while let Some((level, index)) = self.stack.pop() {
@@ -220,7 +225,7 @@ impl VisibleSet {
                 continue;
             }
             let box_ = boxes[level][index as usize];
-            self.credit -= TEST + (self.front.len() / 8) as f64;
+            self.credit -= TEST + (self.front.len() / 4) as f64;
             let may_be_seen = self.front.meets(eye.wanted.position, box_) || !self.hides(eye, box_);
             if may_be_seen && level == 0 {
                 self.is_in[index as usize] = true;
@@ -240,6 +245,9 @@ impl VisibleSet {
         let direction = middle.try_normalize().unwrap_or(eye.normal);
         if eye.normal.dot(direction) <= 0.0 {
             return true;
+        }
+        if let Some(is_held) = self.outline.holds(direction) {
+            return !is_held;
         }
         self.credit -= RAY;
         // With groups that were added just now the proof is made once more.

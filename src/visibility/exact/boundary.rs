@@ -8,8 +8,37 @@ use super::region::{Region, Residuals};
 use super::sweep::Sweep;
 use crate::sphere::BoundaryArc;
 
+/// A part of an edge with the region on its left, from one point to another, in the chart.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Piece {
+    /// Of the edge's plane, of any length.
+    normal: DVec3,
+    from: DVec3,
+    to: DVec3,
+    /// The region is that of W < 0.
+    is_negative: bool,
+}
+
+/// Pieces settled side by side.
+const LANES: usize = 4;
+
+/// Vectors side by side, by component.
+type Lanes3 = [[f64; LANES]; 3];
+
+/// What pieces become.
+struct Settled {
+    start: Lanes3,
+    end: Lanes3,
+    normal: Lanes3,
+    /// Distance of the given ends from the circle.
+    gap: [f64; LANES],
+    /// Of the triangle with the chart's pole.
+    solid_angle: [f64; LANES],
+}
+
 impl Region {
     pub(super) fn clear(&mut self) {
+        self.pieces.clear();
         self.boundary.clear();
         self.sources.clear();
         self.solid_angle = 0.0;
@@ -17,37 +46,105 @@ impl Region {
     }
 
     /// Adds the part of an edge between two points, with the region on its side `side` (+1 above, -1 below, 0 neither).
-    pub(super) fn push(&mut self, chart: &Chart, edge: &Edge, from: DVec3, to: DVec3, side: i8) {
-        if let Some(arc) = self.arc(edge.normal, from, to, side) {
+    #[inline(always)]
+    pub(super) fn push(&mut self, edge: &Edge, from: DVec3, to: DVec3, side: i8) {
+        if self.note(edge, from, to, side, false) {
             self.sources.push(edge.source);
-            self.solid_angle += arc.solid_angle_from(DVec3::Z);
-            self.boundary.push(BoundaryArc {
-                start: chart.world(arc.start),
-                end: chart.world(arc.end),
-                normal: chart.world(arc.normal),
-            });
         }
     }
 
-    /// The arc of a line between two points, its region on the left; none if there is no region or no line.
-    fn arc(&mut self, normal: DVec3, from: DVec3, to: DVec3, side: i8) -> Option<BoundaryArc> {
+    /// The same for the boundary of W < 0.
+    pub(super) fn push_negative(&mut self, edge: &Edge, from: DVec3, to: DVec3, side: i8) {
+        self.note(edge, from, to, side, true);
+    }
+
+    /// Notes a piece; returns whether there is a region, and a line.
+    #[inline(always)]
+    fn note(&mut self, edge: &Edge, from: DVec3, to: DVec3, side: i8, is_negative: bool) -> bool {
+        let normal = edge.normal;
         if side == 0 || normal == DVec3::ZERO {
-            return None;
+            return false;
         }
-        let normal = normal.normalize();
-        let (off_start, off_end) = (normal.dot(from), normal.dot(to));
-        self.residuals.gap = self.residuals.gap.max(off_start.abs()).max(off_end.abs());
-        let (start, end) = (from - off_start * normal, to - off_end * normal);
-        Some(if side > 0 {
-            BoundaryArc { start, end, normal }
-        } else {
-            BoundaryArc { start: end, end: start, normal: -normal }
-        })
+        self.pieces.push(match side > 0 {
+            true => Piece { normal, from, to, is_negative },
+            false => Piece { normal: -normal, from: to, to: from, is_negative },
+        });
+        true
     }
 
-    /// Closes the books: loops add up to nothing.
-    pub(super) fn finish(&mut self) {
+    /// Turns the pieces into arcs and closes the books: loops add up to nothing.
+    pub(super) fn finish(&mut self, chart: &Chart) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            unsafe { self.settle_avx2(chart) };
+        } else {
+            self.settle(chart);
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        self.settle(chart);
         self.residuals.closure = self.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
+    }
+
+    /// Compares W in a direction to what it is expected to be.
+    pub(super) fn check(&mut self, direction: DVec3, expected: i32, depth: impl Fn(DVec3) -> i32) {
+        self.known = (direction, expected == 0);
+        self.residuals.depth_mismatch = depth(direction) - expected;
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn settle_avx2(&mut self, chart: &Chart) {
+        self.settle(chart);
+    }
+
+    #[inline(always)]
+    fn settle(&mut self, chart: &Chart) {
+        for chunk in self.pieces.chunks(LANES) {
+            let settled = Settled::new(chunk, chart);
+            for (lane, piece) in chunk.iter().enumerate() {
+                self.residuals.gap = self.residuals.gap.max(settled.gap[lane]);
+                if piece.is_negative {
+                    self.residuals.negative += settled.solid_angle[lane];
+                } else {
+                    self.solid_angle += settled.solid_angle[lane];
+                    let [start, end, normal] = [&settled.start, &settled.end, &settled.normal]
+                        .map(|[x, y, z]| DVec3::new(x[lane], y[lane], z[lane]));
+                    self.boundary.push(BoundaryArc { start, end, normal });
+                }
+            }
+        }
+    }
+}
+
+impl Settled {
+    /// The last piece is repeated until all lanes are full.
+    #[inline(always)]
+    fn new(pieces: &[Piece], chart: &Chart) -> Self {
+        let zero = [[0.0; LANES]; 3];
+        let (mut normals, mut froms, mut tos) = (zero, zero, zero);
+        for lane in 0..LANES {
+            let Piece { normal, from, to, .. } = pieces[lane.min(pieces.len() - 1)];
+            for axis in 0..3 {
+                (normals[axis][lane], froms[axis][lane], tos[axis][lane]) = (normal[axis], from[axis], to[axis]);
+            }
+        }
+        let lane = [0.0; LANES];
+        let mut out = Self { start: zero, end: zero, normal: zero, gap: lane, solid_angle: lane };
+        for i in 0..LANES {
+            let at = |[x, y, z]: &Lanes3| DVec3::new(x[i], y[i], z[i]);
+            let (normal, from, to) = (at(&normals).normalize(), at(&froms), at(&tos));
+            let (off_start, off_end) = (normal.dot(from), normal.dot(to));
+            let (start, end) = (from - off_start * normal, to - off_end * normal);
+            let (off_start, off_end) = (off_start.abs(), off_end.abs());
+            out.gap[i] = if off_start > off_end { off_start } else { off_end };
+            out.solid_angle[i] = BoundaryArc { start, end, normal }.solid_angle_from(DVec3::Z);
+            for (lanes, local) in [(&mut out.start, start), (&mut out.end, end), (&mut out.normal, normal)] {
+                let world = chart.world(local);
+                (lanes[0][i], lanes[1][i], lanes[2][i]) = (world.x, world.y, world.z);
+            }
+        }
+        out
     }
 }
 
@@ -103,14 +200,12 @@ impl Sweep<'_> {
     pub(super) fn close_visible(&mut self, id: u32, to: DVec3) {
         let edge = &self.edges[id as usize];
         let visible = self.queue.status[id as usize].visible;
-        self.region.push(self.chart, edge, self.queue.from[id as usize][0], to, visible);
+        self.region.push(edge, self.queue.from[id as usize][0], to, visible);
     }
 
     pub(super) fn close_negative(&mut self, id: u32, to: DVec3) {
         let edge = &self.edges[id as usize];
         let negative = self.queue.status[id as usize].negative;
-        if let Some(arc) = self.region.arc(edge.normal, self.queue.from[id as usize][1], to, negative) {
-            self.region.residuals.negative += arc.solid_angle_from(DVec3::Z);
-        }
+        self.region.push_negative(edge, self.queue.from[id as usize][1], to, negative);
     }
 }

@@ -62,7 +62,7 @@ pub(super) fn sweep(
     let check = sweep.begin();
     sweep.vertices()?;
     sweep.finish()?;
-    region.finish();
+    region.finish(chart);
     /// Rounding of a few thousand arcs, less than any piece that could be missing.
     const CLOSED: f64 = 1e-11;
     if region.residuals.closure < CLOSED { Ok(check) } else { Err(Doubt) }
@@ -172,7 +172,7 @@ impl Masks<'_> {
             ends_above_horizon: is_above_horizon,
             depth_above: depth,
         };
-        pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
+        pieces.end(self.edges, bands, &ending, self.region)?;
         bands.proceed(id, Chain::new(started, started_edge, depth, is_above_horizon, is_near));
         chains[started as usize] = id;
         Ok(())
@@ -244,7 +244,7 @@ impl Masks<'_> {
                 ends_above_horizon: is_above_horizon,
                 depth_above,
             };
-            pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
+            pieces.end(self.edges, bands, &ending, self.region)?;
         }
         ends.iter().for_each(|&id| bands.free(id));
         self.start(vertex, starts, depth, is_near);
@@ -322,11 +322,11 @@ impl Masks<'_> {
                 ends_above_horizon: height > 0.0,
                 depth_above: depth,
             };
-            pieces.end(self.edges, bands, &ending, self.chart, self.region)?;
+            pieces.end(self.edges, bands, &ending, self.region)?;
             depth += ending.chain.jump;
         }
         match self.horizon {
-            Some(_) => pieces.finish_horizon(self.chart, self.region),
+            Some(_) => pieces.finish_horizon(self.region),
             None => match depth {
                 // The boundary's excess about the pole counts what lies above it; the other pole adds the whole sphere.
                 0 => {

@@ -103,7 +103,7 @@ pub(super) fn solve_certainly(
         return false;
     }
     let Ok((check, expected)) = masks::sweep(edges, masks, &chart, depth(chart.pole()), region) else { return false };
-    region.residuals.depth_mismatch = depth(check) - expected;
+    region.check(check, expected, depth);
     !region.residuals.alarm()
 }
 
@@ -120,7 +120,7 @@ pub(super) fn solve_in_order(
         let is_last = attempt + 1 == ATTEMPTS;
         if edges.fill(contours, normal, &chart, is_last).is_ok() {
             let (check, expected) = sweep::sweep(edges, queue, &chart, depth(chart.pole()), region);
-            region.residuals.depth_mismatch = depth(check) - expected;
+            region.check(check, expected, depth);
             region.residuals.retries = attempt;
             region.residuals.pole_met = is_last;
             break;

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::bands::Bands;
 use super::block::{DOUBT, NEAR};
 use super::chains::Chain;
-use super::chart::{Chart, TURN_END, azimuth};
+use super::chart::{TURN_END, azimuth};
 use super::edges::{Edge, Edges, on_line};
 use super::masks::Doubt;
 use super::region::Region;
@@ -135,14 +135,7 @@ impl Pieces {
 
     /// Adds the visible pieces of an edge that ends to the region.
     #[inline(always)]
-    pub fn end(
-        &mut self,
-        edges: &Edges,
-        bands: &Bands,
-        ending: &Ending,
-        chart: &Chart,
-        region: &mut Region,
-    ) -> Result<(), Doubt> {
+    pub fn end(&mut self, edges: &Edges, bands: &Bands, ending: &Ending, region: &mut Region) -> Result<(), Doubt> {
         let chain = ending.chain;
         let is_hidden = match (chain.starts_above_horizon, ending.ends_above_horizon) {
             (false, false) => true,
@@ -153,7 +146,7 @@ impl Pieces {
             }
             _ => false,
         };
-        if is_hidden { Ok(()) } else { self.look_closely(edges, bands, ending, chart, region) }
+        if is_hidden { Ok(()) } else { self.look_closely(edges, bands, ending, region) }
     }
 
     /// The same for an edge that may be visible: finds what it crosses, and where.
@@ -162,7 +155,6 @@ impl Pieces {
         edges: &Edges,
         bands: &Bands,
         ending: &Ending,
-        chart: &Chart,
         region: &mut Region,
     ) -> Result<(), Doubt> {
         let Ending { chain, end, .. } = *ending;
@@ -191,7 +183,7 @@ impl Pieces {
         if chain.starts_above_horizon != ending.ends_above_horizon {
             self.locate_horizon(ends);
         }
-        self.walk(edges, ending, depth, chart, region)
+        self.walk(edges, ending, depth, region)
     }
 
     /// Finds where an edge is crossed.
@@ -210,14 +202,7 @@ impl Pieces {
     }
 
     /// Follows an edge from its start, where W just above is `depth`, over the crossings located.
-    fn walk(
-        &mut self,
-        edges: &Edges,
-        ending: &Ending,
-        mut depth: i32,
-        chart: &Chart,
-        region: &mut Region,
-    ) -> Result<(), Doubt> {
+    fn walk(&mut self, edges: &Edges, ending: &Ending, mut depth: i32, region: &mut Region) -> Result<(), Doubt> {
         let edge = &edges.edges[ending.chain.edge as usize];
         let (start, end, jump) = (edges.start(edge), ending.end, edge.jump);
         self.places.sort_unstable_by(|a, b| a.along.total_cmp(&b.along));
@@ -239,7 +224,7 @@ impl Pieces {
                     depth += change;
                     if is_inside && side(depth, jump) != now {
                         let point = crossing_point(edges, edge, &edges.edges[other as usize]);
-                        region.push(chart, edge, from, point, now);
+                        region.push(edge, from, point, now);
                         from = point;
                     }
                 }
@@ -256,7 +241,7 @@ impl Pieces {
                         });
                     }
                     if is_inside {
-                        region.push(chart, edge, from, point, now);
+                        region.push(edge, from, point, now);
                         return Ok(());
                     }
                     (is_inside, from) = (true, point);
@@ -266,12 +251,12 @@ impl Pieces {
         if depth.min(depth + jump) < 0 {
             return Err(Doubt);
         }
-        region.push(chart, edge, from, end, side(depth, jump));
+        region.push(edge, from, end, side(depth, jump));
         Ok(())
     }
 
     /// Adds the horizon's visible pieces to the region.
-    pub fn finish_horizon(&mut self, chart: &Chart, region: &mut Region) -> Result<(), Doubt> {
+    pub fn finish_horizon(&mut self, region: &mut Region) -> Result<(), Doubt> {
         let Some(horizon) = self.horizon else { return Ok(()) };
         self.horizon_ends.sort_unstable_by(|a, b| a.azimuth.total_cmp(&b.azimuth));
         for pair in self.horizon_ends.windows(2) {
@@ -293,11 +278,11 @@ impl Pieces {
             // An arc of half a turn or more has no closed form.
             while quarter < to {
                 let point = on_horizon(quarter);
-                region.push(chart, &horizon, from, point, i8::from(is_visible));
+                region.push(&horizon, from, point, i8::from(is_visible));
                 from = point;
                 quarter += 1.0;
             }
-            region.push(chart, &horizon, from, point, i8::from(is_visible));
+            region.push(&horizon, from, point, i8::from(is_visible));
             from = point;
         };
         for end in &self.horizon_ends {

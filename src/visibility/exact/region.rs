@@ -4,22 +4,32 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::boundary::Piece;
 use crate::sphere::{BoundaryArc, Order, region_harmonics, vector_area};
 
 /// The directions in which nothing is hit (W = 0), within the hemisphere of the normal or on the full sphere.
 #[derive(Clone, Debug, Default)]
 pub struct Region {
+    /// What the boundary is made of, when all of it has been found.
+    pub(super) pieces: Vec<Piece>,
     pub(super) boundary: Vec<BoundaryArc>,
     /// The contour that each boundary arc lies on, an index into the contours' arcs; NIL for the horizon.
     pub(super) sources: Vec<u32>,
     pub(super) solid_angle: f64,
     pub(super) residuals: Residuals,
+    /// A direction away from all contours, and whether the region holds it.
+    pub(super) known: (DVec3, bool),
 }
 
 impl Region {
     /// The boundary: great-circle arcs in world coordinates with the visible side on the left, in no particular order.
     pub fn boundary(&self) -> &[BoundaryArc] {
         &self.boundary
+    }
+
+    /// A direction away from all contours, and whether the region holds it.
+    pub(in crate::visibility) fn known(&self) -> (DVec3, bool) {
+        self.known
     }
 
     /// Solid angle in steradians.

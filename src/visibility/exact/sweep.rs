@@ -68,15 +68,8 @@ pub(super) fn sweep(
     queue.status.clear();
     queue.status.resize(edges.edges.len(), Status::default());
     queue.from.resize(edges.edges.len(), [DVec3::ZERO; 2]);
-    let mut sweep = Sweep {
-        edges: &edges.edges,
-        vertices: &edges.vertices,
-        queue,
-        chart,
-        now: 0.0,
-        horizon: edges.horizon,
-        region,
-    };
+    let mut sweep =
+        Sweep { edges: &edges.edges, vertices: &edges.vertices, queue, now: 0.0, horizon: edges.horizon, region };
     sweep.begin(&edges.at_seam, depth_at_pole);
     let (check, depth) = sweep.widest_gap();
     let mut quarter = 1.0;
@@ -96,7 +89,7 @@ pub(super) fn sweep(
     }
     sweep.cross_until(TURN_END);
     sweep.finish();
-    region.finish();
+    region.finish(chart);
     (chart.world(check), depth)
 }
 
@@ -105,7 +98,6 @@ pub(super) struct Sweep<'a> {
     pub(super) edges: &'a [Edge],
     pub(super) vertices: &'a [Vertex],
     pub(super) queue: &'a mut Queue,
-    pub(super) chart: &'a Chart,
     /// Azimuth of the event being handled.
     pub(super) now: f64,
     /// The horizon's edge, or NIL.
