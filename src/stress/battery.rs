@@ -242,7 +242,8 @@ fn many_faces(many: usize) -> Result<Vec<Case>> {
     // Shells within shells, receivers between them and outside; depth complexity 240 and more from outside.
     let shell = |k: usize| ball(Vec3::ZERO, 0.5 + k as f64 / 120.0);
     let shells = (0..120).map(shell).collect::<Result<Vec<_>>>()?.concat();
-    let between = floating(&mut random, many, 0.85);
+    // In all corners of the cube inside of the outermost, whose facets come as near as 1.393.
+    let between = floating(&mut random, many, 0.8);
     let nothing = Truth::Known(closed::enclosed(&between));
     cases.push(case("inside nested shells", &shells, between, nothing)?);
     let outside = floating(&mut random, many, 1.0);
