@@ -40,6 +40,14 @@ pub(crate) struct Block {
     pub(crate) faces: Range<usize>,
 }
 
+impl Block {
+    /// Whether the faces fit into a table, as they do but for many that must stay together: then the edges are among the [`Pairs`].
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn is_paired(&self) -> bool {
+        self.faces.len() <= FACES
+    }
+}
+
 /// An edge that may be a contour for some receiver of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CandidateEdge {
@@ -258,9 +266,10 @@ impl Candidates {
             let (regular, rest) = self.incidences()[part.first..].split_at(2 * part.regular);
             let border = &rest[..part.border];
             let next = part.edges.start + part.regular;
-            for Block { edges, faces } in &self.blocks[part.blocks.clone()] {
+            for block in &self.blocks[part.blocks.clone()] {
+                let Block { edges, faces } = block;
                 #[cfg(target_arch = "x86_64")]
-                if LOOKUP && faces.start >= whole_from && faces.len() <= FACES {
+                if LOOKUP && faces.start >= whole_from && block.is_paired() {
                     // SAFETY: the processor has the features.
                     count += unsafe { self.pairs.contours(edges.clone(), &signs[faces.clone()], &mut buffer[count..]) };
                     continue;

@@ -112,7 +112,7 @@ impl DualBvh {
         #[cfg(target_arch = "x86_64")]
         if has_lookup() {
             out.pairs.room(out.edge_count);
-            for block in out.blocks[old_blocks..].iter().filter(|block| block.faces.len() <= FACES) {
+            for block in out.blocks[old_blocks..].iter().filter(|block| block.is_paired()) {
                 let uses = &out.incidences[old_incidences..][2 * (block.edges.start - old_edges)..];
                 let uses = uses[..2 * block.edges.len()].chunks_exact(2);
                 let first = block.faces.start as u32;

@@ -208,7 +208,8 @@ struct Recurrences<const COUNT: usize> {
     p_end: [[f64; COUNT]; 2],
     q_start: [[f64; COUNT]; 2],
     q_end: [[f64; COUNT]; 2],
-    b: [f64; COUNT],
+    /// B, the integral of P.
+    integral: [f64; COUNT],
     d: [[f64; COUNT]; 2],
     e: [[f64; COUNT]; 2],
 }
@@ -237,19 +238,26 @@ fn accumulate_bands<const N: usize, const COUNT: usize>(
             off_circle[i] = 1.0 - a[i] * a[i] - b[i] * b[i];
         }
         let (none, one) = ([zero; 2], [[1.0; COUNT], zero]);
-        let mut at =
-            Recurrences { p_start: one, p_end: one, q_start: none, q_end: none, b: [tau; COUNT], d: none, e: none };
+        let mut at = Recurrences {
+            p_start: one,
+            p_end: one,
+            q_start: none,
+            q_end: none,
+            integral: [tau; COUNT],
+            d: none,
+            e: none,
+        };
         for (l, sums) in sums.iter_mut().enumerate().take(N).skip(1) {
             let [odd, before, inverse, inverse_square] = FACTORS[l];
             for i in 0..COUNT {
-                let d = at.d[1][i] + odd * at.b[i];
+                let d = at.d[1][i] + odd * at.integral[i];
                 let e = at.e[1][i] + odd * at.d[0][i];
                 let q_start = at.q_start[1][i] + odd * at.p_start[0][i];
                 let q_end = at.q_end[1][i] + odd * at.p_end[0][i];
                 let ends = slope_end[i] * q_end - b[i] * q_start;
                 let p_start = (odd * a[i] * at.p_start[0][i] - before * at.p_start[1][i]) * inverse;
                 let p_end = (odd * z_end[i] * at.p_end[0][i] - before * at.p_end[1][i]) * inverse;
-                at.b[i] = (at.d[0][i] - off_circle[i] * e - ends) * inverse_square;
+                at.integral[i] = (at.d[0][i] - off_circle[i] * e - ends) * inverse_square;
                 (at.d[1][i], at.d[0][i]) = (at.d[0][i], d);
                 (at.e[1][i], at.e[0][i]) = (at.e[0][i], e);
                 (at.q_start[1][i], at.q_start[0][i]) = (at.q_start[0][i], q_start);

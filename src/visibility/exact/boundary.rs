@@ -74,14 +74,6 @@ impl Region {
 
     /// Turns the pieces into arcs and closes the books: loops add up to nothing.
     pub(super) fn finish(&mut self, chart: &Chart) {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has the feature.
-            unsafe { self.settle_avx2(chart) };
-        } else {
-            self.settle(chart);
-        }
-        #[cfg(not(target_arch = "x86_64"))]
         self.settle(chart);
         self.residuals.closure = self.boundary.iter().map(|arc| arc.end - arc.start).sum::<DVec3>().length();
     }
@@ -92,14 +84,24 @@ impl Region {
         self.residuals.depth_mismatch = depth(direction) - expected;
     }
 
+    /// Turns the pieces into arcs.
+    fn settle(&mut self, chart: &Chart) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature.
+            return unsafe { self.settle_avx2(chart) };
+        }
+        self.settle_inline(chart);
+    }
+
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn settle_avx2(&mut self, chart: &Chart) {
-        self.settle(chart);
+        self.settle_inline(chart);
     }
 
     #[inline(always)]
-    fn settle(&mut self, chart: &Chart) {
+    fn settle_inline(&mut self, chart: &Chart) {
         for chunk in self.pieces.chunks(LANES) {
             let settled = Settled::new(chunk, chart);
             for (lane, piece) in chunk.iter().enumerate() {
@@ -207,5 +209,33 @@ impl Sweep<'_> {
         let edge = &self.edges[id as usize];
         let negative = self.queue.status[id as usize].negative;
         self.region.push_negative(edge, self.queue.from[id as usize][1], to, negative);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::visibility::exact::tests::scenes::Random;
+
+    #[test]
+    fn portable_and_dispatched_arcs_agree_to_the_bit() {
+        let mut random = Random(23);
+        let mut piece = |i: usize| {
+            let (from, to) = (random.direction(), random.direction());
+            Piece { normal: 0.1 * from.cross(to), from, to, is_negative: i.is_multiple_of(7) }
+        };
+        let mut settled = Region { pieces: (0..30).map(&mut piece).collect(), ..Region::default() };
+        let mut portable = settled.clone();
+        let chart = Chart::new(random.direction(), 0);
+        settled.settle(&chart);
+        portable.settle_inline(&chart);
+        assert_eq!(settled.boundary.len(), 25);
+        assert_eq!((&settled.boundary, settled.solid_angle), (&portable.boundary, portable.solid_angle));
+        assert_eq!(settled.residuals, portable.residuals);
+        for (arc, piece) in settled.boundary.iter().zip(settled.pieces.iter().filter(|piece| !piece.is_negative)) {
+            assert!(
+                arc.start.distance(chart.world(piece.from)) < 1e-15 && arc.end.distance(chart.world(piece.to)) < 1e-15
+            );
+        }
     }
 }
