@@ -112,3 +112,94 @@ pub(super) fn is_beside([a, b, c]: [DVec3; 3], normals: [DVec3; 2]) -> bool {
         (a.min(b).min(c) > margin) | (a.max(b).max(c) < -margin)
     })
 }
+
+/// In which sense of an axis a triangle around it meets it, given by its corners relative to the receiver, each as its coordinates along
+/// the axis and across it. The receiver may lie in the triangle's plane to rounding, whose sign, and so its orientation, is then chance:
+/// it is told by where the triangle is.
+pub(super) fn meets_ahead(corners: [[f64; 3]; 3]) -> bool {
+    let extent = |across: usize| corners.iter().map(|corner| corner[across].abs()).fold(0.0, f64::max);
+    let (g, h) = if extent(1) < extent(2) { (1, 2) } else { (2, 1) };
+    // Two of its sides pass the plane h = 0, each in a point with a coordinate along the axis and one across; between the points the
+    // triangle passes the axis.
+    let [a, b, c] = corners;
+    let mut passages =
+        [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| (a[h] < 0.0) != (b[h] < 0.0)).map(|(a, b)| {
+            let between = |i: usize| a[i] * b[h].abs() + b[i] * a[h].abs();
+            (between(0), between(g))
+        });
+    match (passages.next(), passages.next()) {
+        (Some((along, across)), Some((other_along, other_across))) => {
+            let along_axis = along * other_across.abs() + other_along * across.abs();
+            if along_axis == 0.0 { along + other_along > 0.0 } else { along_axis > 0.0 }
+        }
+        _ => a[0] + b[0] + c[0] > 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use dual_bvh::Tile;
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::scene::FaceTree;
+    use crate::visibility::beams::Beams;
+    use crate::visibility::{Isolines, Meridians};
+
+    fn vector(reach: f32) -> impl Strategy<Value = Vec3> {
+        prop_oneof![
+            [-4..=4, -4..=4, -4..=4].prop_map(move |x| Vec3::from(x.map(|x| x as f32)) * (reach / 4.0)),
+            [-reach..reach, -reach..reach, -reach..reach].prop_map(Vec3::from),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+        /// Receivers in a face's plane to rounding, and charts with an axis that points to the face, along which its sliver is seen.
+        #[test]
+        fn faces_seen_edge_on_cover_no_other_direction(
+            [a, b, c] in [vector(4.0), vector(4.0), vector(4.0)],
+            beyond in prop_oneof![Just(0.5), Just(1.0), 0.1..2.0_f64],
+            aside in prop_oneof![Just(0.0), Just(0.5), -2.0..2.0_f64],
+            [to_a, to_b, to_c] in [0.1..1.0_f64, 0.1..1.0, 0.1..1.0],
+            is_negative: bool,
+            turn in prop_oneof![Just(0.0), 0.0..6.3],
+        ) {
+            let corners: Arc<[Vec3]> = [a, b, c].into();
+            let faces = FaceTree::new(corners, [[0, 1, 2]].into());
+            let [a, b, c] = [a, b, c].map(|x| x.as_dvec3());
+            let normal = (b - a).cross(c - a);
+            prop_assume!(normal.length() > 0.1);
+            let position = a - beyond * (b - a) + aside * (c - a);
+            let inside = (to_a * a + to_b * b + to_c * c) / (to_a + to_b + to_c);
+            let axis = (inside - position).normalize() * if is_negative { -1.0_f64 } else { 1.0 };
+            let (u, v) = axis.any_orthonormal_pair();
+            let (u, v) = (u * f64::cos(turn) + v * f64::sin(turn), v * f64::cos(turn) - u * f64::sin(turn));
+            let tile = Tile::lone(position, None);
+            let beams = &mut Beams::default();
+
+            let isolines = Isolines::new(14).unwrap();
+            let outlook = Outlook { chart: &isolines, axes: DMat3::from_cols(axis, u, v), position, normal: None };
+            // The base line's point on the spine, between the axes x and z.
+            let start = outlook.axes * DVec3::new(0.35, 0.0, 0.65);
+            prop_assume!(start.dot(normal).abs() > 1e-3 * normal.length());
+            let mut depth = 0;
+            Isolines::count(outlook, Rays { faces: &faces, tile, beams }, &[], |_, covers| depth += covers);
+            prop_assert_eq!(depth, 0);
+
+            let meridians = Meridians::new(14).unwrap();
+            let outlook = Outlook { chart: &meridians, axes: DMat3::from_cols(u, v, axis), position, normal: None };
+            let mut depth = 0;
+            Meridians::count(outlook, Rays { faces: &faces, tile, beams }, &[], |_, covers| depth += covers);
+            if is_negative {
+                prop_assert!(depth.abs() <= 1, "the start lies on the sliver");
+            } else {
+                prop_assert_eq!(depth, 0);
+            }
+        }
+    }
+}

@@ -9,7 +9,7 @@ use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::beams::Rays;
-use super::chart::{Chart, Outlook, Sector};
+use super::chart::{Chart, Outlook, Sector, meets_ahead};
 use super::contours::{arc_plane, sides};
 use super::crossings::{Arcs, Pieces};
 use crate::sphere::rough_angle;
@@ -200,7 +200,8 @@ impl Chart for Meridians {
 
     fn bases(_: Outlook<Self>, _: &[i32], _: &mut Vec<i32>) {}
 
-    /// A face covers the start if the isolines leave it once more often than they enter it, on whichever of them.
+    /// A face that the isolines leave once more often than they enter it, on whichever of them, or less often, is around their start or
+    /// their end.
     fn count(outlook: Outlook<Self>, rays: Rays, excluded: &[u32], mut covers: impl FnMut(u32, i32)) {
         let Outlook { chart, axes, position, .. } = outlook;
         let lines = chart.len();
@@ -225,7 +226,7 @@ impl Chart for Meridians {
                     let way = Way::new(places[a], places[b], lines as i32, plane);
                     total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
                 }
-                if total < 0 {
+                if total != 0 && !meets_ahead(turned.map(|w| [w.z, w.x, w.y])) {
                     covers(face, -total);
                 }
             }

@@ -10,7 +10,7 @@ use dual_bvh::face_sign;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::beams::Rays;
-use super::chart::{Chart, Outlook, Sector, is_beside};
+use super::chart::{Chart, Outlook, Sector, is_beside, meets_ahead};
 use super::contours::{arc_plane, sides};
 use super::crossings::{Arcs, Pieces};
 use super::spans::Spans;
@@ -171,7 +171,8 @@ impl Chart for Isolines {
             let directions = corners.map(|x| x - position);
             if !is_beside(directions, normals) && !excluded.contains(&face) {
                 let sign = i32::from(face_sign(position, a, b, c));
-                let places = directions.map(|w| Place::of(outlook.apply(w), chart));
+                let turned = directions.map(|w| outlook.apply(w));
+                let places = turned.map(|w| Place::of(w, chart));
                 let (mut here, mut total) = (0, 0);
                 for (a, b, orientation) in sides(faces.vertices(face)) {
                     let plane = outlook.apply(arc_plane(directions[a], corners[a], corners[b]));
@@ -181,9 +182,10 @@ impl Chart for Isolines {
                         here += if below <= line as u32 { jump } else { 0 };
                     }
                 }
-                // A face left on the way up the spine and not entered there was entered below its start, the pole -x. On the sliver of a
-                // face whose plane holds the receiver to rounding W may be -1, as its contours have it.
-                let depth = here + (-total).max(0);
+                // A face passed once on the way up the spine is around its end, the pole x, or else around its start, the pole -x. On the
+                // sliver of a face whose plane holds the receiver to rounding W may be -1, as its contours have it.
+                let is_around_start = total != 0 && !meets_ahead(turned.map(|w| w.to_array()));
+                let depth = here - if is_around_start { total } else { 0 };
                 if depth != 0 {
                     covers(face, depth);
                 }
