@@ -113,26 +113,22 @@ pub(super) fn is_beside([a, b, c]: [DVec3; 3], normals: [DVec3; 2]) -> bool {
     })
 }
 
-/// In which sense of an axis a triangle around it meets it, given by its corners relative to the receiver, each as its coordinates along
-/// the axis and across it. The receiver may lie in the triangle's plane to rounding, whose sign, and so its orientation, is then chance:
-/// it is told by where the triangle is.
-pub(super) fn meets_ahead(corners: [[f64; 3]; 3]) -> bool {
+/// Whether a triangle around an axis meets it ahead of the receiver or behind, given by its corners relative to the receiver, each as its
+/// coordinates along the axis and across it, and by what its sign says of that.
+///
+/// Where its plane holds the receiver to rounding the sign is chance, but then the triangle is ahead or behind as a whole, unless the receiver
+/// is inside: the sign says on which side of it.
+pub(super) fn meets_ahead(corners: [[f64; 3]; 3], by_sign: bool) -> bool {
     let extent = |across: usize| corners.iter().map(|corner| corner[across].abs()).fold(0.0, f64::max);
-    let (g, h) = if extent(1) < extent(2) { (1, 2) } else { (2, 1) };
-    // Two of its sides pass the plane h = 0, each in a point with a coordinate along the axis and one across; between the points the
-    // triangle passes the axis.
+    let across = if extent(1) < extent(2) { 2 } else { 1 };
+    // Two of the sides pass the plane through the axis from which the corners are further.
     let [a, b, c] = corners;
-    let mut passages =
-        [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| (a[h] < 0.0) != (b[h] < 0.0)).map(|(a, b)| {
-            let between = |i: usize| a[i] * b[h].abs() + b[i] * a[h].abs();
-            (between(0), between(g))
-        });
+    let sides = [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| (a[across] < 0.0) != (b[across] < 0.0));
+    let mut passages = sides.map(|(a, b)| a[0] * b[across].abs() + b[0] * a[across].abs());
     match (passages.next(), passages.next()) {
-        (Some((along, across)), Some((other_along, other_across))) => {
-            let along_axis = along * other_across.abs() + other_along * across.abs();
-            if along_axis == 0.0 { along + other_along > 0.0 } else { along_axis > 0.0 }
-        }
-        _ => a[0] + b[0] + c[0] > 0.0,
+        (Some(one), Some(other)) if one > 0.0 && other > 0.0 => true,
+        (Some(one), Some(other)) if one < 0.0 && other < 0.0 => false,
+        _ => by_sign,
     }
 }
 

@@ -226,7 +226,7 @@ impl Chart for Meridians {
                     let way = Way::new(places[a], places[b], lines as i32, plane);
                     total += if way.crosses(0, lines) { orientation * sign * way.sense() } else { 0 };
                 }
-                if total != 0 && !meets_ahead(turned.map(|w| [w.z, w.x, w.y])) {
+                if total != 0 && !meets_ahead(turned.map(|w| [w.z, w.x, w.y]), total > 0) {
                     covers(face, -total);
                 }
             }

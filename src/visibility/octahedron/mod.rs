@@ -184,7 +184,7 @@ impl Chart for Isolines {
                 }
                 // A face passed once on the way up the spine is around its end, the pole x, or else around its start, the pole -x. On the
                 // sliver of a face whose plane holds the receiver to rounding W may be -1, as its contours have it.
-                let is_around_start = total != 0 && !meets_ahead(turned.map(|w| w.to_array()));
+                let is_around_start = total != 0 && !meets_ahead(turned.map(|w| w.to_array()), total > 0);
                 let depth = here - if is_around_start { total } else { 0 };
                 if depth != 0 {
                     covers(face, depth);
