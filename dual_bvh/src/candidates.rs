@@ -3,6 +3,10 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::contours::{Contour, Contours};
+#[cfg(target_arch = "x86_64")]
+use crate::divided::CELLS;
+use crate::divided::{All, Apart, Choice, Divided, OUTSIDE, Tally};
+use crate::ends::Ends;
 use crate::face::{plane_value, sign};
 use crate::numbering::Numbering;
 #[cfg(target_arch = "x86_64")]
@@ -30,6 +34,8 @@ pub struct Part {
     pub(crate) border: usize,
     /// What the first edges are divided into.
     pub(crate) blocks: Range<usize>,
+    /// Tables of the edges' ends, where the processor can make use of them.
+    pub(crate) tables: Range<usize>,
 }
 
 /// Edges with two faces each in opposite directions, and their faces, which have numbers of their own in every block: so few, mostly,
@@ -79,6 +85,8 @@ pub struct Candidates {
     pub(crate) edge_count: usize,
     /// The faces of edges that have two in opposite directions, in parts of few faces, where the processor can make use of it.
     pub(crate) pairs: Pairs,
+    /// The ends of all edges, likewise.
+    pub(crate) ends: Ends,
     pub(crate) incidences: Vec<Incidence>,
     pub(crate) incidence_count: usize,
     pub(crate) blocks: Vec<Block>,
@@ -98,6 +106,7 @@ impl Candidates {
         (self.edge_count, self.incidence_count) = (0, 0);
         (self.nodes_tested, self.edges_tested) = (0, 0);
         self.blocks.clear();
+        self.ends.clear();
         for part in self.parts.drain(..) {
             // Of a group of another tree, perhaps.
             if let Some(part_of) = self.part_of.get_mut(part.group as usize) {
@@ -195,45 +204,116 @@ impl Candidates {
     /// The excluded faces must be among those the tile was given ([`crate::Tile::with_faces`]); otherwise the edges by which they
     /// hang together with the rest may be missing.
     pub fn contours(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_of(&self.parts, receiver, excluded, out);
+        self.contours_of(&self.parts, receiver, excluded, &mut All, out);
     }
 
     /// The same in one group, which has been searched.
     pub fn contours_in(&self, part: &Part, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_of(std::slice::from_ref(part), receiver, excluded, out);
+        self.contours_of(std::slice::from_ref(part), receiver, excluded, &mut All, out);
     }
 
-    fn contours_of(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
+    /// The same only of those edges that have their ends in different cells, or of `all`; and how many there are of either.
+    pub fn contours_apart(
+        &self,
+        part: &Part,
+        divided: &Divided,
+        all: bool,
+        receiver: DVec3,
+        excluded: &[u32],
+        out: &mut Contours,
+    ) -> Tally {
+        let mut choice = Apart { divided, first: part.edges.start, all, tally: Tally::default() };
+        self.contours_of(std::slice::from_ref(part), receiver, excluded, &mut choice, out);
+        choice.tally
+    }
+
+    /// Divides a part's edges by the cells of their ends; `cells` has one number for every vertex of all parts up to this one, not
+    /// negative, which may be [`OUTSIDE`].
+    pub fn divide(&self, part: &Part, cells: &[i32], out: &mut Divided) {
         #[cfg(target_arch = "x86_64")]
         if crate::features::has_lookup() {
             // SAFETY: the processor has the features.
-            return unsafe { self.contours_lookup(parts, receiver, excluded, out) };
+            let is_done = unsafe { self.divide_lookup(part, cells, out) };
+            if is_done {
+                return;
+            }
+        }
+        out.fill(&self.edges[part.edges.clone()], cells);
+    }
+
+    /// Returns false if there are too many cells.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx512vbmi")]
+    fn divide_lookup(&self, part: &Part, cells: &[i32], out: &mut Divided) -> bool {
+        let mut all = 0;
+        for cell in &cells[part.vertices.clone()] {
+            all |= cell & !OUTSIDE;
+        }
+        if all < CELLS {
+            self.ends.divide(part.tables.clone(), cells, out);
+        }
+        all < CELLS
+    }
+
+    fn contours_of(
+        &self,
+        parts: &[Part],
+        receiver: DVec3,
+        excluded: &[u32],
+        choice: &mut impl Choice,
+        out: &mut Contours,
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if crate::features::has_lookup() {
+            // SAFETY: the processor has the features.
+            return unsafe { self.contours_lookup(parts, receiver, excluded, choice, out) };
         } else if crate::has_avx512() {
             // SAFETY: the processor has the features.
-            return unsafe { self.contours_avx512(parts, receiver, excluded, out) };
+            return unsafe { self.contours_avx512(parts, receiver, excluded, choice, out) };
         } else if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.contours_avx2(parts, receiver, excluded, out) };
+            return unsafe { self.contours_avx2(parts, receiver, excluded, choice, out) };
         }
-        self.contours_inline::<false>(parts, receiver, excluded, out);
+        self.contours_inline::<false>(parts, receiver, excluded, choice, out);
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx512vbmi")]
-    fn contours_lookup(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_inline::<true>(parts, receiver, excluded, out);
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx512vbmi,popcnt")]
+    fn contours_lookup(
+        &self,
+        parts: &[Part],
+        receiver: DVec3,
+        excluded: &[u32],
+        choice: &mut impl Choice,
+        out: &mut Contours,
+    ) {
+        self.contours_inline::<true>(parts, receiver, excluded, choice, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-    pub(crate) fn contours_avx512(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_inline::<false>(parts, receiver, excluded, out);
+    pub(crate) fn contours_avx512(
+        &self,
+        parts: &[Part],
+        receiver: DVec3,
+        excluded: &[u32],
+        choice: &mut impl Choice,
+        out: &mut Contours,
+    ) {
+        self.contours_inline::<false>(parts, receiver, excluded, choice, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    pub(crate) fn contours_avx2(&self, parts: &[Part], receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_inline::<false>(parts, receiver, excluded, out);
+    pub(crate) fn contours_avx2(
+        &self,
+        parts: &[Part],
+        receiver: DVec3,
+        excluded: &[u32],
+        choice: &mut impl Choice,
+        out: &mut Contours,
+    ) {
+        self.contours_inline::<false>(parts, receiver, excluded, choice, out);
     }
 
     /// `parts` follow one another. With `LOOKUP`, the processor must have the features of [`Pairs`].
@@ -243,6 +323,7 @@ impl Candidates {
         parts: &[Part],
         receiver: DVec3,
         excluded: &[u32],
+        choice: &mut impl Choice,
         out: &mut Contours,
     ) {
         let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return out.room(0, 0) };
@@ -271,20 +352,22 @@ impl Candidates {
                 #[cfg(target_arch = "x86_64")]
                 if LOOKUP && faces.start >= whole_from && block.is_paired() {
                     // SAFETY: the processor has the features.
-                    count += unsafe { self.pairs.contours(edges.clone(), &signs[faces.clone()], &mut buffer[count..]) };
+                    count += unsafe {
+                        self.pairs.contours(edges.clone(), &signs[faces.clone()], choice, &mut buffer[count..])
+                    };
                     continue;
                 }
                 let uses = &regular[2 * (edges.start - part.edges.start)..];
                 for (edge, uses) in edges.clone().zip(uses.chunks_exact(2)) {
                     let [f, g] = [0, 1].map(|side| i32::from(signs[uses[side].face() as usize]));
-                    put(buffer, &mut count, edge, f - g);
+                    put(buffer, &mut count, edge, f - g, choice);
                 }
             }
             for (edge, use_) in (next..).zip(border) {
-                put(buffer, &mut count, edge, jump(use_));
+                put(buffer, &mut count, edge, jump(use_), choice);
             }
             for edge in next + part.border..part.edges.end {
-                put(buffer, &mut count, edge, self.faces_of(edge as u32).iter().map(jump).sum());
+                put(buffer, &mut count, edge, self.faces_of(edge as u32).iter().map(jump).sum(), choice);
             }
         }
         out.count = count;
@@ -305,12 +388,12 @@ impl Candidates {
     }
 }
 
-/// Adds an edge, if it is a contour, to the first of a buffer.
+/// Adds an edge, if it is a contour and chosen, to the first of a buffer.
 #[inline(always)]
-fn put(buffer: &mut [Contour], count: &mut usize, edge: usize, jump: i32) {
+fn put(buffer: &mut [Contour], count: &mut usize, edge: usize, jump: i32, choice: &mut impl Choice) {
     // Every edge is written, contours stay: which they are is hard to predict.
     buffer[*count] = Contour { edge: edge as u32, jump };
-    *count += usize::from(jump != 0);
+    *count += usize::from(choice.has(edge, jump != 0));
 }
 
 /// Makes a buffer at least `len` long. What lies beyond the present length is garbage of earlier searches.

@@ -109,8 +109,10 @@ impl DualBvh {
         for (((x, y), z), &vertex) in x.iter_mut().zip(y).zip(z).zip(vertices) {
             [*x, *y, *z] = self.positions[vertex as usize].to_array();
         }
+        let mut tables = 0..0;
         #[cfg(target_arch = "x86_64")]
         if has_lookup() {
+            tables = out.ends.push(&out.edges[old_edges..out.edge_count], old_vertices, out.vertices.globals().len());
             out.pairs.room(out.edge_count);
             for block in out.blocks[old_blocks..].iter().filter(|block| block.is_paired()) {
                 let uses = &out.incidences[old_incidences..][2 * (block.edges.start - old_edges)..];
@@ -126,6 +128,7 @@ impl DualBvh {
             edges: old_edges..out.edge_count,
             first: old_incidences,
             blocks: old_blocks..out.blocks.len(),
+            tables,
             regular: regular.len(),
             border: border.len(),
         };

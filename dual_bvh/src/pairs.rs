@@ -5,6 +5,8 @@ use std::ops::Range;
 use crate::candidates::room;
 #[cfg(target_arch = "x86_64")]
 use crate::contours::Contour;
+#[cfg(target_arch = "x86_64")]
+use crate::divided::Choice;
 
 /// Where the two faces of every edge stand in a table of bits, one a face: for either face the number of the byte, and the bit in it.
 ///
@@ -41,12 +43,18 @@ impl Pairs {
         }
     }
 
-    /// Writes to the start of `out` those of some edges whose faces have different signs, 1 or -1, and returns their number. The edges
-    /// must have been set; `out` has room for all, and for eight more.
+    /// Writes to the start of `out` those of some edges whose faces have different signs, 1 or -1, and that are chosen, and returns their
+    /// number. The edges must have been set; `out` has room for all, and for eight more.
     #[cfg(target_arch = "x86_64")]
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vbmi")]
-    pub(crate) fn contours(&self, edges: Range<usize>, signs: &[i8], out: &mut [Contour]) -> usize {
+    pub(crate) fn contours(
+        &self,
+        edges: Range<usize>,
+        signs: &[i8],
+        choice: &mut impl Choice,
+        out: &mut [Contour],
+    ) -> usize {
         use std::arch::x86_64::*;
 
         let table = table(signs);
@@ -74,6 +82,7 @@ impl Pairs {
             if edges.len() - at < LANES {
                 contours &= (1 << (edges.len() - at)) - 1;
             }
+            contours = choice.of(edges.start + at, contours);
             for _ in 0..LANES / 8 {
                 let jumps = _mm512_mask_blend_epi64(is_negative as u8, jumps[0], jumps[1]);
                 // All lanes are written, those of contours first.
@@ -113,6 +122,7 @@ fn table(signs: &[i8]) -> [std::arch::x86_64::__m512i; 4] {
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
+    use crate::divided::All;
     use crate::features::has_lookup;
 
     #[test]
@@ -134,7 +144,7 @@ mod tests {
                 pairs.set(start, ends.iter().copied());
                 let mut found = vec![Contour::default(); count + 8];
                 // SAFETY: the processor has the features.
-                let number = unsafe { pairs.contours(start..start + count, &signs, &mut found) };
+                let number = unsafe { pairs.contours(start..start + count, &signs, &mut All, &mut found) };
                 let jumps = ends.iter().map(|faces| faces.map(|face| i32::from(signs[face as usize])));
                 let expected = (start as u32..).zip(jumps).map(|(edge, [f, g])| Contour { edge, jump: f - g });
                 let expected: Vec<_> = expected.filter(|contour| contour.jump != 0).collect();

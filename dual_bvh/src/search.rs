@@ -253,6 +253,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::divided::All;
     use crate::{BuildOptions, Contours};
 
     #[test]
@@ -291,18 +292,20 @@ mod tests {
                     assert_eq!(contours.signs(), portable.signs());
                     assert_eq!(contours.edges(), portable.edges());
                 };
-                portable.contours_inline::<false>(portable.parts(), p, excluded, &mut portable_contours);
+                portable.contours_inline::<false>(portable.parts(), p, excluded, &mut All, &mut portable_contours);
                 agree(&portable_contours);
                 #[cfg(target_arch = "x86_64")]
                 if is_x86_feature_detected!("avx2") {
                     // SAFETY: the processor has the feature.
-                    unsafe { portable.contours_avx2(portable.parts(), p, excluded, &mut portable_contours) };
+                    unsafe { portable.contours_avx2(portable.parts(), p, excluded, &mut All, &mut portable_contours) };
                     agree(&portable_contours);
                 }
                 #[cfg(target_arch = "x86_64")]
                 if crate::has_avx512() {
                     // SAFETY: the processor has the features.
-                    unsafe { portable.contours_avx512(portable.parts(), p, excluded, &mut portable_contours) };
+                    unsafe {
+                        portable.contours_avx512(portable.parts(), p, excluded, &mut All, &mut portable_contours)
+                    };
                     agree(&portable_contours);
                 }
             }

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use dual_bvh::{Candidates, Contours, Part};
+use dual_bvh::{CandidateEdge, Candidates, Contours, Divided, Part, Tally};
 use glam::DVec3;
 
 use super::chart::{Chart, Outlook};
@@ -48,6 +48,7 @@ pub(super) struct Pieces<P> {
 pub(super) struct Crossings<P> {
     /// Of the candidates' vertices.
     places: Vec<i32>,
+    divided: Divided,
     chords: Vec<Chord>,
     pieces: Pieces<P>,
     next: Vec<u32>,
@@ -150,63 +151,84 @@ impl<P: Copy> Crossings<P> {
         self.counts = Counts::default();
     }
 
-    /// Places the contours of a group between the isolines and adds those that may cross some; with `between`, the others too.
+    /// Adds the contours of a group that may cross isolines; with `between`, those that lie between two of them, too.
     pub(super) fn choose<C: Chart<Piece = P>>(
         &mut self,
         outlook: Outlook<C>,
         candidates: &Candidates,
         part: &Part,
-        contours: &Contours,
+        excluded: &[u32],
+        contours: &mut Contours,
         between: bool,
     ) {
+        self.place(outlook, candidates, part);
+        self.add(outlook.position, candidates, part, excluded, contours, between);
+    }
+
+    /// Places the vertices of a group between the isolines.
+    fn place<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates, part: &Part) {
         #[cfg(target_arch = "x86_64")]
         if dual_bvh::has_avx512() {
             // SAFETY: the processor has the features.
-            return unsafe { self.choose_avx512(outlook, candidates, part, contours, between) };
+            return unsafe { self.place_avx512(outlook, candidates, part) };
         } else if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.choose_avx2(outlook, candidates, part, contours, between) };
+            return unsafe { self.place_avx2(outlook, candidates, part) };
         }
-        self.choose_inline(outlook, candidates, part, contours, between);
+        self.place_inline(outlook, candidates, part);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-    fn choose_avx512<C: Chart<Piece = P>>(
-        &mut self,
-        outlook: Outlook<C>,
-        candidates: &Candidates,
-        part: &Part,
-        contours: &Contours,
-        between: bool,
-    ) {
-        self.choose_inline(outlook, candidates, part, contours, between);
+    fn place_avx512<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates, part: &Part) {
+        self.place_inline(outlook, candidates, part);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    pub(super) fn choose_avx2<C: Chart<Piece = P>>(
+    pub(super) fn place_avx2<C: Chart<Piece = P>>(
         &mut self,
         outlook: Outlook<C>,
         candidates: &Candidates,
         part: &Part,
-        contours: &Contours,
-        between: bool,
     ) {
-        self.choose_inline(outlook, candidates, part, contours, between);
+        self.place_inline(outlook, candidates, part);
     }
 
     #[inline(always)]
-    pub(super) fn choose_inline<C: Chart<Piece = P>>(
+    pub(super) fn place_inline<C: Chart<Piece = P>>(
         &mut self,
         outlook: Outlook<C>,
         candidates: &Candidates,
         part: &Part,
-        contours: &Contours,
+    ) {
+        let vertices = part.vertices.clone();
+        if self.places.len() < vertices.end {
+            self.places.resize(vertices.end, 0);
+        }
+        let coordinates = candidates.coordinates().map(|lanes| &lanes[vertices.clone()]);
+        fill(&mut self.places[vertices.clone()], coordinates, outlook);
+    }
+
+    /// Adds the contours of a group whose vertices have been placed.
+    pub(super) fn add(
+        &mut self,
+        position: DVec3,
+        candidates: &Candidates,
+        part: &Part,
+        excluded: &[u32],
+        contours: &mut Contours,
         between: bool,
     ) {
-        fill(&mut self.places, candidates, part, contours, outlook);
-        self.keep(candidates, contours, between);
+        candidates.divide(part, &self.places, &mut self.divided);
+        let tally = candidates.contours_apart(part, &self.divided, between, position, excluded, contours);
+        let edges = candidates.edges();
+        self.chords.extend(contours.edges().iter().map(|contour| {
+            let CandidateEdge { a, b } = edges[contour.edge as usize];
+            Chord { a, b, jump: contour.jump }
+        }));
+        let Tally { contours, inside: above, apart } = tally;
+        self.counts += Counts { above, below: contours - above, between: above - apart, ..Counts::default() };
     }
 
     /// Drops the contours that cross no open isoline; `open` has the number of open ones before each, twice around.
@@ -260,31 +282,6 @@ impl<P: Copy> Crossings<P> {
             C::bases(outlook, &self.pieces.changes, &mut self.bases);
         }
         self.bucket(outlook.chart);
-    }
-
-    /// Keeps the contours that cross isolines above the horizon.
-    #[inline(always)]
-    fn keep(&mut self, candidates: &Candidates, contours: &Contours, between: bool) {
-        let (edges, contours) = (candidates.edges(), contours.edges());
-        let places = &*self.places;
-        let old = self.chords.len();
-        self.chords.resize(old + contours.len() + 1, Chord::default());
-        let chords = &mut self.chords[old..];
-        let (mut count, mut below, mut crossing) = (0, 0, 0);
-        for contour in contours {
-            let edge = &edges[contour.edge as usize];
-            let (a, b) = (places[edge.a as usize], places[edge.b as usize]);
-            let is_below = a & b & BELOW != 0;
-            // All are written, those that cross stay: which they are is hard to predict.
-            chords[count] = Chord { a: edge.a, b: edge.b, jump: contour.jump };
-            let crosses = ((a ^ b) & !BELOW != 0) & !is_below;
-            count += usize::from(crosses | between);
-            crossing += usize::from(crosses);
-            below += usize::from(is_below);
-        }
-        self.chords.truncate(old + count);
-        let above = contours.len() - below;
-        self.counts += Counts { above, below, between: above - crossing, ..Counts::default() };
     }
 
     /// The pieces of all chords, four at a time.

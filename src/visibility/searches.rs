@@ -1,4 +1,4 @@
-use dual_bvh::{Candidates, Contours, DualBvh, Part, Tile};
+use dual_bvh::{Candidates, DualBvh, Part, Tile};
 use glam::DVec3;
 
 use super::front::distance_squared;
@@ -69,17 +69,10 @@ impl Searches {
         self.receivers
     }
 
-    /// Finds a receiver's contours in a group, searching it if that has not been done.
-    pub(super) fn contours(
-        &mut self,
-        group: u32,
-        wanted: Wanted,
-        candidates: &mut Candidates,
-        contours: &mut Contours,
-    ) -> Part {
+    /// What a receiver's contours in a group are among, searching it if that has not been done.
+    pub(super) fn part(&mut self, group: u32, wanted: Wanted, candidates: &mut Candidates) -> Part {
         self.search(group, wanted, candidates);
         let Some(part) = candidates.part(group) else { unreachable!("the group has been searched") };
-        candidates.contours_in(part, wanted.position, wanted.excluded, contours);
         let (_, sharing) = &mut self.sharing[group as usize];
         let count = part.edges.len();
         if matches!(*sharing, Sharing::Alone(together) if !are_too_many(together, count)) {

@@ -162,8 +162,9 @@ impl<P: Copy> Tracer<P> {
     /// Chooses the contours of a group, searching it if that has not been done.
     fn choose<C: Chart<Piece = P>>(&mut self, group: u32, look: Look<C>, found: &mut Found) {
         let Found { searches, candidates, contours, .. } = found;
-        let part = searches.contours(group, look.wanted, candidates, contours);
-        self.crossings.choose(look.outlook, candidates, &part, contours, !look.skips.between_isolines);
+        let part = searches.part(group, look.wanted, candidates);
+        let Wanted { excluded, .. } = look.wanted;
+        self.crossings.choose(look.outlook, candidates, &part, excluded, contours, !look.skips.between_isolines);
     }
 
     /// Puts the groups that meet gaps before the isolines, those that cover the place where W is counted first, then from near to far,

@@ -154,7 +154,8 @@ impl Viewer<'_> {
                 sunken += 1;
                 continue;
             }
-            let part = searches.contours(group, wanted, candidates, contours);
+            let part = searches.part(group, wanted, candidates);
+            candidates.contours_in(&part, position, receiver.excluded, contours);
             projected.project(candidates, part.vertices, contours, position, normal);
         }
         sunken
@@ -333,17 +334,18 @@ mod tests {
             (Crossings::default(), Crossings::default(), Crossings::default());
         let mut contours = Contours::default();
         for part in view.candidates.parts() {
-            view.candidates.contours_in(part, position, receiver.excluded, &mut contours);
-            widest.choose(outlook, &view.candidates, part, &contours, false);
+            widest.choose(outlook, &view.candidates, part, receiver.excluded, &mut contours, false);
             widest.cross(outlook, &view.candidates);
-            portable.choose_inline(outlook, &view.candidates, part, &contours, false);
+            portable.place_inline(outlook, &view.candidates, part);
+            portable.add(position, &view.candidates, part, receiver.excluded, &mut contours, false);
             portable.cross_inline(outlook, &view.candidates);
             are_the_same(&mut widest, &mut portable, chart.lines());
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the processor has the feature.
                 unsafe {
-                    narrower.choose_avx2(outlook, &view.candidates, part, &contours, false);
+                    narrower.place_avx2(outlook, &view.candidates, part);
+                    narrower.add(position, &view.candidates, part, receiver.excluded, &mut contours, false);
                     narrower.cross_avx2(outlook, &view.candidates);
                 }
                 are_the_same(&mut widest, &mut narrower, chart.lines());

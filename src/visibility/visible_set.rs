@@ -157,7 +157,7 @@ impl VisibleSet {
                 return true;
             }
             for &group in &self.groups[solved..] {
-                found.searches.contours(group, eye.wanted, found.candidates, found.contours);
+                found.searches.part(group, eye.wanted, found.candidates);
             }
         }
         false
