@@ -16,7 +16,7 @@ struct Chord {
 }
 
 /// Arcs side by side.
-pub(super) const LANES: usize = 4;
+pub(super) const LANES: usize = 8;
 
 /// A few arcs in the axes of a chart.
 pub(super) struct Arcs {
