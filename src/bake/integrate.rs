@@ -36,6 +36,14 @@ pub(super) trait Baker: Sync {
     /// Working memory of one thread.
     type Memory: Default;
 
+    /// Memory that has grown in earlier work, or new.
+    fn lend(&self) -> Self::Memory {
+        Self::Memory::default()
+    }
+
+    /// Takes memory back.
+    fn give_back(&self, _: Self::Memory) {}
+
     /// Fills the rows of the tile's receivers.
     fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Self::Memory) -> Result<Counts>;
 }
@@ -118,17 +126,20 @@ pub(super) fn run<B: Baker>(
     let (started, processor) = (Instant::now(), ProcessTime::try_now());
     // One at a time: what is written is little beside what is computed, and each value is in memory once.
     let results = Mutex::new(results);
-    tiles.par_iter().try_for_each_init(Default::default, |(memory, rows): &mut (B::Memory, Vec<f64>), tile| {
-        if control.cancelled() {
-            return Ok(());
-        }
-        rows.clear();
-        rows.resize(tile.len() * layout.width, 0.0);
-        let counts = baker.tile(receivers, tile, rows, memory)?;
-        results.lock().unwrap_or_else(PoisonError::into_inner).set(layout, tile, rows, counts);
-        control.advance(tile.len() as u64);
-        Ok::<_, Error>(())
-    })?;
+    tiles.par_iter().try_for_each_init(
+        || (Lent::new(baker), Vec::new()),
+        |(lent, rows), tile| {
+            if control.cancelled() {
+                return Ok(());
+            }
+            rows.clear();
+            rows.resize(tile.len() * layout.width, 0.0);
+            let counts = baker.tile(receivers, tile, rows, &mut lent.memory)?;
+            results.lock().unwrap_or_else(PoisonError::into_inner).set(layout, tile, rows, counts);
+            control.advance(tile.len() as u64);
+            Ok::<_, Error>(())
+        },
+    )?;
     let Results { columns, done, counts, solved } = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     let integrate_seconds = started.elapsed().as_secs_f64();
     // Where there is no such clock, all threads are taken to have worked all the time.
@@ -168,6 +179,24 @@ pub(super) fn run<B: Baker>(
         arrays.push(Array::new(name.as_str(), shape, data))?;
     }
     Ok(Outcome { arrays, done, statistics })
+}
+
+/// A baker's memory, for as long as a part of the work takes.
+struct Lent<'a, B: Baker> {
+    baker: &'a B,
+    memory: B::Memory,
+}
+
+impl<'a, B: Baker> Lent<'a, B> {
+    fn new(baker: &'a B) -> Self {
+        Self { baker, memory: baker.lend() }
+    }
+}
+
+impl<B: Baker> Drop for Lent<'_, B> {
+    fn drop(&mut self) {
+        self.baker.give_back(std::mem::take(&mut self.memory));
+    }
 }
 
 /// What has been found so far.

@@ -1,4 +1,4 @@
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
 use dual_bvh::{BuildOptions, DualBvh};
@@ -6,7 +6,7 @@ use dual_bvh::{BuildOptions, DualBvh};
 use super::by_rays::ByRays;
 use super::integrate::run;
 use super::layout::Layout;
-use super::solver::Solver;
+use super::solver::{Memory, Solver};
 use super::{Control, Family, Method, Outcome, Partial, Receivers, Request};
 use crate::reference::RayScene;
 use crate::scene::{Environment, FaceTree, Geometry};
@@ -21,6 +21,8 @@ pub struct Prepared<'a> {
     faces: OnceLock<FaceTree>,
     edges: OnceLock<DualBvh>,
     rays: OnceLock<RayScene>,
+    /// Working memory that no thread uses.
+    memories: Mutex<Vec<Memory>>,
     #[cfg(feature = "embree")]
     embree: super::by_embree::EmbreeScenes,
 }
@@ -35,6 +37,7 @@ impl<'a> Prepared<'a> {
             faces: OnceLock::new(),
             edges: OnceLock::new(),
             rays: OnceLock::new(),
+            memories: Mutex::default(),
             #[cfg(feature = "embree")]
             embree: super::by_embree::EmbreeScenes::default(),
         }
@@ -141,6 +144,16 @@ impl<'a> Prepared<'a> {
     pub fn into_faces(self) -> FaceTree {
         let Self { geometry, faces, .. } = self;
         faces.into_inner().unwrap_or_else(|| geometry.face_tree())
+    }
+
+    /// Working memory of a thread that searches contours.
+    pub(super) fn lend(&self) -> Memory {
+        self.memories.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    /// Keeps it for the next thread, or the next run.
+    pub(super) fn give_back(&self, memory: Memory) {
+        self.memories.lock().unwrap_or_else(PoisonError::into_inner).push(memory);
     }
 
     /// The judge's rays.

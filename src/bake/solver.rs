@@ -380,6 +380,14 @@ impl Counts {
 impl Baker for Solver<'_> {
     type Memory = Memory;
 
+    fn lend(&self) -> Memory {
+        self.prepared.lend()
+    }
+
+    fn give_back(&self, memory: Memory) {
+        self.prepared.give_back(memory);
+    }
+
     fn tile(&self, receivers: &Receivers, tile: &[u32], rows: &mut [f64], memory: &mut Memory) -> Result<Counts> {
         let mut counts = Counts::default();
         let together = if self.skips.shared_searches { tile.len() } else { 1 };
