@@ -112,7 +112,7 @@ impl DualBvh {
         let mut tables = 0..0;
         #[cfg(target_arch = "x86_64")]
         if has_lookup() {
-            tables = out.ends.push(&out.edges[old_edges..out.edge_count], old_vertices, out.vertices.globals().len());
+            tables = out.ends.push(&out.edges[old_edges..out.edge_count], old_vertices);
             out.pairs.room(out.edge_count);
             for block in out.blocks[old_blocks..].iter().filter(|block| block.is_paired()) {
                 let uses = &out.incidences[old_incidences..][2 * (block.edges.start - old_edges)..];

@@ -17,10 +17,8 @@ pub(crate) const LANES: usize = 64;
 pub(crate) struct Ends {
     places: [Vec<u8>; 2],
     tables: Vec<Table>,
-    /// Vertices of tables that earlier tables have, too.
+    /// Vertices of tables that earlier tables have, too, once for each of the ends.
     others: Vec<u32>,
-    /// The last table in which a vertex has been, and its place there.
-    last: Vec<(u32, u8)>,
 }
 
 /// The vertices of a table: new ones, numbered one after another, at its start, and others at its end, backwards.
@@ -43,10 +41,8 @@ impl Ends {
     /// Notes the ends of some edges, in which every vertex from `first` on comes after all smaller ones. Returns the numbers of their
     /// tables.
     #[inline(always)]
-    pub(crate) fn push(&mut self, edges: &[CandidateEdge], first: usize, vertices: usize) -> Range<usize> {
+    pub(crate) fn push(&mut self, edges: &[CandidateEdge], first: usize) -> Range<usize> {
         let old = self.tables.len();
-        self.last.clear();
-        self.last.resize(vertices - first, (u32::MAX, 0));
         let mut known = first as u32;
         for edges in edges.chunks(LANES) {
             let table = self.tables.len();
@@ -61,14 +57,10 @@ impl Ends {
             for ((edge, place_a), place_b) in edges.iter().zip(places_a).zip(places_b) {
                 for (vertex, place) in [(edge.a, place_a), (edge.b, place_b)] {
                     // Without a branch on what nobody can predict.
-                    let last = &mut self.last[vertex as usize - first];
                     let is_new = vertex >= start;
-                    let is_here = last.0 == table as u32;
                     others[count] = vertex;
-                    let other = if is_here { last.1 } else { (PLACES - 1 - count) as u8 };
-                    count += usize::from(!is_new & !is_here);
-                    *place = if is_new { (vertex - start) as u8 } else { other };
-                    *last = (table as u32, *place);
+                    *place = if is_new { vertex - start } else { (PLACES - 1 - count) as u32 } as u8;
+                    count += usize::from(!is_new);
                     known = known.max(vertex + 1);
                 }
             }
@@ -163,27 +155,19 @@ mod tests {
                 };
                 let edges: Vec<CandidateEdge> =
                     (0..count).map(|_| CandidateEdge { a: end(&mut vertices), b: end(&mut vertices) }).collect();
-                let tables = ends.push(&edges, first, vertices);
+                let tables = ends.push(&edges, first);
                 let cells: Vec<i32> = (0..vertices)
                     .map(|_| random(cell_count) as i32 | if random(3) == 0 { OUTSIDE } else { 0 })
                     .collect();
                 let mut divided = Divided::default();
                 // SAFETY: the processor has the features.
                 unsafe { ends.divide(tables, &cells, &mut divided) };
-                for (number, edge) in edges.iter().enumerate() {
-                    let [a, b] = [edge.a, edge.b].map(|end| cells[end as usize]);
-                    let is_inside = a & b & OUTSIDE == 0;
-                    let is_apart = (a ^ b) & !OUTSIDE != 0 && is_inside;
-                    assert_eq!(
-                        divided.inside[number / LANES] >> (number % LANES) & 1 != 0,
-                        is_inside,
-                        "{number} of {count}"
-                    );
-                    assert_eq!(
-                        divided.apart[number / LANES] >> (number % LANES) & 1 != 0,
-                        is_apart,
-                        "{number} of {count}"
-                    );
+                let mut portable = Divided::default();
+                portable.fill(&edges, &cells);
+                let bits = |mask: &[u64], number: usize| mask[number / LANES] >> (number % LANES) & 1 != 0;
+                for number in 0..count {
+                    assert_eq!(bits(&divided.inside, number), bits(&portable.inside, number), "{number} of {count}");
+                    assert_eq!(bits(&divided.apart, number), bits(&portable.apart, number), "{number} of {count}");
                 }
             }
         }

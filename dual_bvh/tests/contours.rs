@@ -5,7 +5,7 @@ mod meshes;
 
 use std::collections::BTreeMap;
 
-use dual_bvh::{BuildOptions, Candidates, Contours, DualBvh, Tile, brute_force};
+use dual_bvh::{BuildOptions, Candidates, Contours, Divided, DualBvh, OUTSIDE, Tally, Tile, brute_force};
 use glam::{DVec3, Vec3, dvec3};
 use meshes::{Mesh, Uniform};
 use proptest::prelude::*;
@@ -151,6 +151,53 @@ proptest! {
                 let lone = search(&tree, &Tile::lone(p, None).with_faces(excluded));
                 prop_assert_eq!(&contours(&lone, p, excluded), &expected);
             }
+        }
+    }
+
+    /// Contours among divided edges are those whose ends' cells differ, in order, however many cells there are.
+    #[test]
+    fn edges_are_chosen_by_the_cells_of_their_ends(
+        kind in 0..KINDS,
+        seed in 0..1_000_000u64,
+        cells in prop::sample::select(vec![1, 2, 100, 300, 40_000]),
+    ) {
+        let mesh = mesh(kind, seed);
+        let mut options = BuildOptions::default();
+        options.group_faces = 100;
+        let tree = mesh.tree_with(&options);
+        let mut uniform = Uniform(seed);
+        let p = receiver(&mesh, &mut uniform);
+        let excluded: Vec<u32> =
+            (0..uniform.below(4)).map(|_| uniform.below(mesh.triangles.len()) as u32).collect();
+        let candidates = search(&tree, &Tile::new([(p, None), (p + 0.1, None)].into_iter()).with_faces(&excluded));
+        let cells: Vec<i32> = candidates
+            .vertices()
+            .iter()
+            .map(|_| uniform.below(cells) as i32 | if uniform.below(3) == 0 { OUTSIDE } else { 0 })
+            .collect();
+        let (mut all, mut found, mut divided) = (Contours::default(), Contours::default(), Divided::default());
+        for part in candidates.parts() {
+            candidates.contours_in(part, p, &excluded, &mut all);
+            candidates.divide(part, &cells, &mut divided);
+            let cells_of = |edge: u32| {
+                let edge = candidates.edges()[edge as usize];
+                [edge.a, edge.b].map(|end| cells[end as usize])
+            };
+            let is_inside = |edge: u32| cells_of(edge).iter().any(|cell| cell & OUTSIDE == 0);
+            let is_apart = |edge: u32| {
+                let [a, b] = cells_of(edge).map(|cell| cell & !OUTSIDE);
+                a != b && is_inside(edge)
+            };
+            let apart: Vec<_> = all.edges().iter().filter(|contour| is_apart(contour.edge)).copied().collect();
+            let expected = Tally {
+                contours: all.edges().len(),
+                inside: all.edges().iter().filter(|contour| is_inside(contour.edge)).count(),
+                apart: apart.len(),
+            };
+            prop_assert_eq!(candidates.contours_apart(part, &divided, false, p, &excluded, &mut found), expected);
+            prop_assert_eq!(found.edges(), &apart);
+            prop_assert_eq!(candidates.contours_apart(part, &divided, true, p, &excluded, &mut found), expected);
+            prop_assert_eq!(found.edges(), all.edges());
         }
     }
 
