@@ -4,7 +4,6 @@ use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::plan::{Candidate, Family, Law};
-use super::tiles::TILE_RECEIVERS;
 use super::{Arrays, Control, Method, Outcome, Prepared, Receivers, Request, Unmoved};
 use crate::reference::{EmbreeKernel, EmbreeVariant};
 use crate::{Error, Result};
@@ -50,6 +49,8 @@ pub(super) struct Level {
 const SHARE: usize = 64;
 const LEAST: usize = 16;
 const MOST: usize = 256;
+/// Receivers timed are in groups of so many neighbours, half of what a tile may have: rather more places than whole tiles.
+const NEIGHBOURS: usize = 64;
 /// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
 const SHORT: f64 = 1e-3;
 const REPEATS: usize = 3;
@@ -321,11 +322,11 @@ fn spread(all: usize, wanted: usize) -> impl Iterator<Item = usize> {
     (0..wanted).map(move |i| (2 * i + 1) * all / (2 * wanted))
 }
 
-/// About `wanted` receivers in groups as large as tiles, each of those nearest to one of them.
+/// About `wanted` receivers in groups of [`NEIGHBOURS`], each of those nearest to one of them.
 fn neighbourhoods(positions: &[DVec3], wanted: usize) -> Vec<usize> {
-    let size = wanted.min(TILE_RECEIVERS).min(positions.len());
+    let size = wanted.min(NEIGHBOURS).min(positions.len());
     let mut picked = Vec::with_capacity(wanted);
-    for centre in spread(positions.len(), wanted.div_ceil(TILE_RECEIVERS)) {
+    for centre in spread(positions.len(), wanted.div_ceil(NEIGHBOURS)) {
         let centre = positions[centre];
         let mut near: Vec<(f64, usize)> =
             positions.iter().enumerate().map(|(i, p)| (p.distance_squared(centre), i)).collect();
@@ -373,7 +374,7 @@ mod tests {
         let positions: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i * 7 % 1000)).collect();
         let picked = neighbourhoods(&positions, 128);
         assert_eq!(picked.len(), 128);
-        for group in picked.chunks(TILE_RECEIVERS) {
+        for group in picked.chunks(NEIGHBOURS) {
             let places: Vec<f64> = group.iter().map(|&i| positions[i].x).collect();
             let (low, high) = places.iter().fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
             assert_eq!(high - low, 63.0, "64 neighbours on a line, none left out");

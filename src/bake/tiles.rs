@@ -3,7 +3,7 @@ use glam::DVec3;
 use crate::scene::Geometry;
 
 /// Most receivers that share one contour search.
-pub const TILE_RECEIVERS: usize = 64;
+pub const TILE_RECEIVERS: usize = 128;
 
 /// Groups neighbouring receivers, as indices: halved along the longest side of their bounds, in which normals that differ count as a
 /// distance, until no more than [`TILE_RECEIVERS`] are left that fit into the radius that suits the scene. Depends on the positions, the
@@ -122,9 +122,9 @@ mod tests {
 
     #[test]
     fn two_sides_of_a_wall_are_two_tiles() {
-        let at = |i: u32| DVec3::new(f64::from(i % 16), f64::from(i / 2 % 8), 0.01 * f64::from(i % 2));
+        let at = |i: u32| DVec3::new(f64::from(i % 16), f64::from(i / 2 % 16), 0.01 * f64::from(i % 2));
         let normal = |i: u32| if i.is_multiple_of(2) { DVec3::NEG_Z } else { DVec3::Z };
-        let (points, normals): (Vec<_>, Vec<_>) = (0..128).map(|i| (at(i), normal(i))).unzip();
+        let (points, normals): (Vec<_>, Vec<_>) = (0..256).map(|i| (at(i), normal(i))).unzip();
         let tiles = gather(&points, &normals, 20.0);
         assert!(tiles.iter().all(|tile| tile.iter().all(|i| i % 2 == tile[0] % 2)), "{tiles:?}");
         assert_eq!(tiles.len(), 2);
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn one_place_is_one_row_of_full_tiles() {
-        assert_eq!(gather(&[DVec3::ONE; 130], &[], 0.0).iter().map(Vec::len).collect::<Vec<_>>(), [64, 64, 2]);
+        assert_eq!(gather(&[DVec3::ONE; 258], &[], 0.0).iter().map(Vec::len).collect::<Vec<_>>(), [128, 128, 2]);
         assert!(gather(&[], &[], 1.0).is_empty());
     }
 }

@@ -35,7 +35,7 @@ pub struct Race {
     /// Receivers, about: whole tiles of the bake of a light map [default: 1024; quick: 64]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..=131_072))]
     receivers: Option<usize>,
-    /// Points along a side of the light map: how many neighbours share a tile, up to 64 [default: 1024; quick: 256]
+    /// Points along a side of the light map: how many neighbours share a tile, up to 128 [default: 1024; quick: 256]
     #[arg(long, value_name = "SIDE", value_parser = RangedU64ValueParser::<usize>::new().range(1..=8192))]
     light_map: Option<usize>,
     /// Seconds that a run may take; dearer settings are left out [default: 8; quick: 0.05]

@@ -156,6 +156,7 @@ fn spread(tiles: &[Vec<u32>], count: usize) -> Vec<&[u32]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bake::TILE_RECEIVERS;
     use crate::scene::Scene;
 
     #[test]
@@ -166,7 +167,7 @@ mod tests {
         let on_plane = track.bake.positions.iter().filter(|p| p.y < 0.1).count();
         assert!(on_plane.abs_diff(45_000) < 2, "{on_plane}");
         assert!((128..=512).contains(&track.receivers.len()), "{}", track.receivers.len());
-        assert!((track.receivers.len().div_ceil(64)..64).contains(&track.tiles), "{}", track.tiles);
+        assert!((track.receivers.len().div_ceil(TILE_RECEIVERS)..64).contains(&track.tiles), "{}", track.tiles);
         for position in &track.bake.positions {
             let height = if position.y < 0.1 { position.y } else { (*position - DVec3::Y * 1.2).length() - 1.0 };
             // The facets' sagitta is below 0.004.
