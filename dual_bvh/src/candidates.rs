@@ -2,10 +2,12 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use crate::choice::{All, Choice, Tally};
+#[cfg(target_arch = "x86_64")]
+use crate::choice::{Apart, OUTSIDE};
 use crate::contours::{Contour, Contours};
 #[cfg(target_arch = "x86_64")]
-use crate::divided::CELLS;
-use crate::divided::{All, Apart, Choice, Divided, OUTSIDE, Tally};
+use crate::ends::CELLS;
 use crate::ends::Ends;
 use crate::face::{plane_value, sign};
 use crate::numbering::Numbering;
@@ -212,47 +214,44 @@ impl Candidates {
         self.contours_of(std::slice::from_ref(part), receiver, excluded, &mut All, out);
     }
 
-    /// The same only of those edges that have their ends in different cells, or of `all`; and how many there are of either.
+    /// The same, but only contours with ends in different cells, at least one of them not [`OUTSIDE`](crate::OUTSIDE), unless `all` are wanted; and
+    /// how many there are. `cells` has a number for every vertex up to the last of this part, not negative and below 2^30, or marked.
     pub fn contours_apart(
         &self,
         part: &Part,
-        divided: &Divided,
+        cells: &[i32],
         all: bool,
         receiver: DVec3,
         excluded: &[u32],
         out: &mut Contours,
     ) -> Tally {
-        let mut choice = Apart { divided, first: part.edges.start, all, tally: Tally::default() };
-        self.contours_of(std::slice::from_ref(part), receiver, excluded, &mut choice, out);
-        choice.tally
-    }
-
-    /// Divides a part's edges by the cells of their ends; `cells` has one number for every vertex of all parts up to this one, not
-    /// negative, which may be [`OUTSIDE`].
-    pub fn divide(&self, part: &Part, cells: &[i32], out: &mut Divided) {
         #[cfg(target_arch = "x86_64")]
-        if crate::features::has_lookup() {
+        if crate::features::has_lookup() && are_few(&cells[part.vertices.clone()]) {
+            let mut divided = std::mem::take(&mut out.divided);
             // SAFETY: the processor has the features.
-            let is_done = unsafe { self.divide_lookup(part, cells, out) };
-            if is_done {
-                return;
-            }
+            unsafe { self.ends.divide(part.tables.clone(), cells, &mut divided) };
+            let mut choice = Apart { divided: &divided, first: part.edges.start, all, tally: Tally::default() };
+            self.contours_of(std::slice::from_ref(part), receiver, excluded, &mut choice, out);
+            let tally = choice.tally;
+            out.divided = divided;
+            return tally;
         }
-        out.fill(&self.edges[part.edges.clone()], cells);
+        self.contours_in(part, receiver, excluded, out);
+        self.keep_apart(cells, all, out)
     }
 
-    /// Returns false if there are too many cells.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx512vbmi")]
-    fn divide_lookup(&self, part: &Part, cells: &[i32], out: &mut Divided) -> bool {
-        let mut all = 0;
-        for cell in &cells[part.vertices.clone()] {
-            all |= cell & !OUTSIDE;
+    /// Drops the contours with ends in one cell, or none.
+    pub(crate) fn keep_apart(&self, cells: &[i32], all: bool, out: &mut Contours) -> Tally {
+        let (mut tally, mut count) = (Tally::default(), 0);
+        let buffer = &mut out.buffer[..out.count];
+        for i in 0..buffer.len() {
+            let CandidateEdge { a, b } = self.edges[buffer[i].edge as usize];
+            // All are written, those apart stay: which they are is hard to predict.
+            buffer[count] = buffer[i];
+            count += usize::from(tally.count([a, b].map(|end| cells[end as usize])) | all);
         }
-        if all < CELLS {
-            self.ends.divide(part.tables.clone(), cells, out);
-        }
-        all < CELLS
+        out.count = count;
+        tally
     }
 
     fn contours_of(
@@ -386,6 +385,16 @@ impl Candidates {
             signs[i] = sign(plane_value(DVec3::new(nx[i], ny[i], nz[i]), anchor, p));
         }
     }
+}
+
+/// Whether there are so few cells that their numbers fit into tables.
+#[cfg(target_arch = "x86_64")]
+fn are_few(cells: &[i32]) -> bool {
+    let mut digits = 0;
+    for cell in cells {
+        digits |= cell;
+    }
+    digits & !OUTSIDE < CELLS
 }
 
 /// Adds an edge, if it is a contour and chosen, to the first of a buffer.

@@ -109,10 +109,15 @@ impl DualBvh {
         for (((x, y), z), &vertex) in x.iter_mut().zip(y).zip(z).zip(vertices) {
             [*x, *y, *z] = self.positions[vertex as usize].to_array();
         }
-        let mut tables = 0..0;
+        #[cfg(not(target_arch = "x86_64"))]
+        let tables = 0..0;
+        #[cfg(target_arch = "x86_64")]
+        let tables = match has_lookup() {
+            true => out.ends.push(&out.edges[old_edges..out.edge_count], old_vertices),
+            false => 0..0,
+        };
         #[cfg(target_arch = "x86_64")]
         if has_lookup() {
-            tables = out.ends.push(&out.edges[old_edges..out.edge_count], old_vertices);
             out.pairs.room(out.edge_count);
             for block in out.blocks[old_blocks..].iter().filter(|block| block.is_paired()) {
                 let uses = &out.incidences[old_incidences..][2 * (block.edges.start - old_edges)..];

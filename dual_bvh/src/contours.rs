@@ -1,4 +1,5 @@
 use crate::candidates::room;
+use crate::divided::Divided;
 
 /// A contour edge of one receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -12,7 +13,7 @@ pub struct Contour {
     pub jump: i32,
 }
 
-/// The contours of one receiver, see [`crate::Candidates::contours`]. Keep it and use it again: its memory is reused.
+/// The contours of one receiver, or those chosen of them, see [`crate::Candidates::contours`]. Keep it and use it again: its memory is reused.
 #[derive(Clone, Debug, Default)]
 pub struct Contours {
     // Both buffers may be longer than what they hold.
@@ -20,6 +21,8 @@ pub struct Contours {
     face_count: usize,
     pub(crate) buffer: Vec<Contour>,
     pub(crate) count: usize,
+    /// Working memory of the choice.
+    pub(crate) divided: Divided,
 }
 
 impl Contours {

@@ -5,9 +5,7 @@ use std::ops::Range;
 use crate::candidates::{CandidateEdge, room};
 #[cfg(target_arch = "x86_64")]
 use crate::divided::Divided;
-
-/// Edges looked at together.
-pub(crate) const LANES: usize = 64;
+use crate::pairs::LANES;
 
 /// Where the two ends of every edge stand in a table of vertices: one table for 64 edges, which have no more than twice as many ends.
 ///
@@ -27,6 +25,10 @@ struct Table {
     new: Range<u32>,
     others: Range<u32>,
 }
+
+/// Cells of this number and beyond do not fit into the tables.
+#[cfg(target_arch = "x86_64")]
+pub(crate) const CELLS: i32 = 1 << 15;
 
 /// Places of a table.
 const PLACES: usize = 2 * LANES;
@@ -69,9 +71,7 @@ impl Ends {
         }
         old..self.tables.len()
     }
-}
 
-impl Ends {
     /// Divides the edges of some tables by the cells of their vertices.
     #[cfg(target_arch = "x86_64")]
     #[inline]
@@ -126,7 +126,7 @@ impl Ends {
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
-    use crate::divided::{CELLS, OUTSIDE};
+    use crate::choice::{OUTSIDE, Tally};
     use crate::features::has_lookup;
 
     #[test]
@@ -162,12 +162,12 @@ mod tests {
                 let mut divided = Divided::default();
                 // SAFETY: the processor has the features.
                 unsafe { ends.divide(tables, &cells, &mut divided) };
-                let mut portable = Divided::default();
-                portable.fill(&edges, &cells);
-                let bits = |mask: &[u64], number: usize| mask[number / LANES] >> (number % LANES) & 1 != 0;
-                for number in 0..count {
-                    assert_eq!(bits(&divided.inside, number), bits(&portable.inside, number), "{number} of {count}");
-                    assert_eq!(bits(&divided.apart, number), bits(&portable.apart, number), "{number} of {count}");
+                let bits = |mask: &[u64], number: usize| Divided::bits(mask, number) & 1 != 0;
+                for (number, edge) in edges.iter().enumerate() {
+                    let mut tally = Tally::default();
+                    let is_apart = tally.count([edge.a, edge.b].map(|end| cells[end as usize]));
+                    assert_eq!(bits(&divided.inside, number), tally.inside == 1, "{number} of {count}");
+                    assert_eq!(bits(&divided.apart, number), is_apart, "{number} of {count}");
                 }
             }
         }

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use crate::candidates::room;
 #[cfg(target_arch = "x86_64")]
-use crate::contours::Contour;
+use crate::choice::Choice;
 #[cfg(target_arch = "x86_64")]
-use crate::divided::Choice;
+use crate::contours::Contour;
 
 /// Where the two faces of every edge stand in a table of bits, one a face: for either face the number of the byte, and the bit in it.
 ///
@@ -22,7 +22,7 @@ pub(crate) struct Pairs {
 pub(crate) const FACES: usize = 8 * 256;
 
 /// Edges looked at together.
-const LANES: usize = 64;
+pub(crate) const LANES: usize = 64;
 
 impl Pairs {
     /// Makes room for so many edges.
@@ -122,7 +122,7 @@ fn table(signs: &[i8]) -> [std::arch::x86_64::__m512i; 4] {
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
-    use crate::divided::All;
+    use crate::choice::All;
     use crate::features::has_lookup;
 
     #[test]

@@ -253,7 +253,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::divided::All;
+    use crate::choice::{All, OUTSIDE};
     use crate::{BuildOptions, Contours};
 
     #[test]
@@ -286,6 +286,23 @@ mod tests {
             assert_eq!(candidates.vertices(), portable.vertices());
             assert_eq!(candidates.faces(), portable.faces());
             assert_eq!(candidates.nodes_tested(), portable.nodes_tested());
+            // Cells at random, some marked.
+            let cells: Vec<i32> = (0..candidates.vertices().len() as i32)
+                .map(|vertex| vertex.wrapping_mul(0x9e37) >> 3 & 3 | if vertex % 3 == 0 { OUTSIDE } else { 0 })
+                .collect();
+            for part in candidates.parts() {
+                let tally = candidates.contours_apart(part, &cells, false, p, &[3, 4], &mut contours);
+                portable.contours_inline::<false>(
+                    std::slice::from_ref(part),
+                    p,
+                    &[3, 4],
+                    &mut All,
+                    &mut portable_contours,
+                );
+                assert_eq!(portable.keep_apart(&cells, false, &mut portable_contours), tally);
+                assert_eq!(contours.edges(), portable_contours.edges());
+                assert!(0 < tally.apart && tally.apart < tally.inside && tally.inside < tally.contours);
+            }
             for excluded in [&[][..], &[3, 4]] {
                 candidates.contours(p, excluded, &mut contours);
                 let agree = |portable: &Contours| {

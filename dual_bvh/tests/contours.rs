@@ -5,7 +5,7 @@ mod meshes;
 
 use std::collections::BTreeMap;
 
-use dual_bvh::{BuildOptions, Candidates, Contours, Divided, DualBvh, OUTSIDE, Tally, Tile, brute_force};
+use dual_bvh::{BuildOptions, Candidates, Contours, DualBvh, OUTSIDE, Tally, Tile, brute_force};
 use glam::{DVec3, Vec3, dvec3};
 use meshes::{Mesh, Uniform};
 use proptest::prelude::*;
@@ -175,10 +175,9 @@ proptest! {
             .iter()
             .map(|_| uniform.below(cells) as i32 | if uniform.below(3) == 0 { OUTSIDE } else { 0 })
             .collect();
-        let (mut all, mut found, mut divided) = (Contours::default(), Contours::default(), Divided::default());
+        let (mut all, mut found) = (Contours::default(), Contours::default());
         for part in candidates.parts() {
             candidates.contours_in(part, p, &excluded, &mut all);
-            candidates.divide(part, &cells, &mut divided);
             let cells_of = |edge: u32| {
                 let edge = candidates.edges()[edge as usize];
                 [edge.a, edge.b].map(|end| cells[end as usize])
@@ -194,9 +193,9 @@ proptest! {
                 inside: all.edges().iter().filter(|contour| is_inside(contour.edge)).count(),
                 apart: apart.len(),
             };
-            prop_assert_eq!(candidates.contours_apart(part, &divided, false, p, &excluded, &mut found), expected);
+            prop_assert_eq!(candidates.contours_apart(part, &cells, false, p, &excluded, &mut found), expected);
             prop_assert_eq!(found.edges(), &apart);
-            prop_assert_eq!(candidates.contours_apart(part, &divided, true, p, &excluded, &mut found), expected);
+            prop_assert_eq!(candidates.contours_apart(part, &cells, true, p, &excluded, &mut found), expected);
             prop_assert_eq!(found.edges(), all.edges());
         }
     }

@@ -195,7 +195,10 @@ impl<'a, B: Baker> Lent<'a, B> {
 
 impl<B: Baker> Drop for Lent<'_, B> {
     fn drop(&mut self) {
-        self.baker.give_back(std::mem::take(&mut self.memory));
+        // What a panic has left half done is nobody's.
+        if !std::thread::panicking() {
+            self.baker.give_back(std::mem::take(&mut self.memory));
+        }
     }
 }
 

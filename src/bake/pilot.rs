@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::plan::{Candidate, Family, Law};
+use super::tiles::TILE_RECEIVERS;
 use super::{Arrays, Control, Method, Outcome, Prepared, Receivers, Request, Unmoved};
 use crate::reference::{EmbreeKernel, EmbreeVariant};
 use crate::{Error, Result};
@@ -45,12 +46,11 @@ pub(super) struct Level {
     pub(super) stated: f64,
 }
 
-/// Receivers that are measured for time, and as many for errors: this share of all, and not fewer nor more than these.
+/// Receivers that are measured for errors: this share of all, and not fewer nor more than these. Twice as many are measured for time, for a tile
+/// has many, and places are few then.
 const SHARE: usize = 64;
 const LEAST: usize = 16;
 const MOST: usize = 256;
-/// Receivers timed are in groups of so many neighbours, half of what a tile may have: rather more places than whole tiles.
-const NEIGHBOURS: usize = 64;
 /// Runs shorter than this, in seconds of processor time, are repeated: the clock and cold caches blur them.
 const SHORT: f64 = 1e-3;
 const REPEATS: usize = 3;
@@ -83,7 +83,7 @@ impl<'a> Pilot<'a> {
             request,
             control,
             scattered: receivers.pick(spread(receivers.len(), wanted)),
-            tiles: receivers.pick(neighbourhoods(&receivers.positions, wanted)),
+            tiles: receivers.pick(neighbourhoods(&receivers.positions, 2 * wanted)),
             alone: alone.map_err(|error| Error::input(format!("a thread cannot be started: {error}")))?,
             kernel: EmbreeKernel::default(),
             reference: None,
@@ -322,11 +322,11 @@ fn spread(all: usize, wanted: usize) -> impl Iterator<Item = usize> {
     (0..wanted).map(move |i| (2 * i + 1) * all / (2 * wanted))
 }
 
-/// About `wanted` receivers in groups of [`NEIGHBOURS`], each of those nearest to one of them.
+/// About `wanted` receivers in groups as large as tiles, each of those nearest to one of them.
 fn neighbourhoods(positions: &[DVec3], wanted: usize) -> Vec<usize> {
-    let size = wanted.min(NEIGHBOURS).min(positions.len());
+    let size = wanted.min(TILE_RECEIVERS).min(positions.len());
     let mut picked = Vec::with_capacity(wanted);
-    for centre in spread(positions.len(), wanted.div_ceil(NEIGHBOURS)) {
+    for centre in spread(positions.len(), wanted.div_ceil(TILE_RECEIVERS)) {
         let centre = positions[centre];
         let mut near: Vec<(f64, usize)> =
             positions.iter().enumerate().map(|(i, p)| (p.distance_squared(centre), i)).collect();
@@ -372,12 +372,12 @@ mod tests {
         assert_eq!(spread(3, 8).collect::<Vec<_>>(), [0, 1, 2]);
         assert_eq!(spread(0, 8).count(), 0);
         let positions: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i * 7 % 1000)).collect();
-        let picked = neighbourhoods(&positions, 128);
-        assert_eq!(picked.len(), 128);
-        for group in picked.chunks(NEIGHBOURS) {
+        let picked = neighbourhoods(&positions, 256);
+        assert_eq!(picked.len(), 256);
+        for group in picked.chunks(TILE_RECEIVERS) {
             let places: Vec<f64> = group.iter().map(|&i| positions[i].x).collect();
             let (low, high) = places.iter().fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
-            assert_eq!(high - low, 63.0, "64 neighbours on a line, none left out");
+            assert_eq!(high - low, 127.0, "128 neighbours on a line, none left out");
         }
         assert_eq!(neighbourhoods(&positions[..5], 16).len(), 5);
         assert!(neighbourhoods(&[], 16).is_empty());

@@ -381,7 +381,8 @@ impl Baker for Solver<'_> {
     type Memory = Memory;
 
     fn lend(&self) -> Memory {
-        self.prepared.lend()
+        // What other requests have seen is not looked at.
+        Memory { seen: Seen::default(), ..self.prepared.lend() }
     }
 
     fn give_back(&self, memory: Memory) {

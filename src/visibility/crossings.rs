@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use dual_bvh::{CandidateEdge, Candidates, Contours, Divided, Part, Tally};
+use dual_bvh::{CandidateEdge, Candidates, Contours, Part, Tally};
 use glam::DVec3;
 
 use super::chart::{Chart, Outlook};
@@ -8,7 +8,7 @@ use super::contours::arc_plane;
 use super::vertices::{BELOW, fill};
 
 /// A contour that may cross isolines.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Chord {
     a: u32,
     b: u32,
@@ -48,7 +48,6 @@ pub(super) struct Pieces<P> {
 pub(super) struct Crossings<P> {
     /// Of the candidates' vertices.
     places: Vec<i32>,
-    divided: Divided,
     chords: Vec<Chord>,
     pieces: Pieces<P>,
     next: Vec<u32>,
@@ -220,8 +219,7 @@ impl<P: Copy> Crossings<P> {
         contours: &mut Contours,
         between: bool,
     ) {
-        candidates.divide(part, &self.places, &mut self.divided);
-        let tally = candidates.contours_apart(part, &self.divided, between, position, excluded, contours);
+        let tally = candidates.contours_apart(part, &self.places, between, position, excluded, contours);
         let edges = candidates.edges();
         self.chords.extend(contours.edges().iter().map(|contour| {
             let CandidateEdge { a, b } = edges[contour.edge as usize];
@@ -284,7 +282,7 @@ impl<P: Copy> Crossings<P> {
         self.bucket(outlook.chart);
     }
 
-    /// The pieces of all chords, four at a time.
+    /// The pieces of all chords, a few at a time.
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "lane by lane, over several arrays")]
     fn cut<C: Chart<Piece = P>>(&mut self, outlook: Outlook<C>, candidates: &Candidates) {

@@ -200,8 +200,8 @@ impl Chart for Meridians {
 
     fn bases(_: Outlook<Self>, _: &[i32], _: &mut Vec<i32>) {}
 
-    /// A face that the isolines leave once more often than they enter it, on whichever of them, or less often, is around their start or
-    /// their end.
+    /// A face that isolines leave once more often than they enter it, whichever of them is looked at, is around their start; once less often, around
+    /// their end. Where its plane holds the receiver, [`meets_ahead`] tells which.
     fn count(outlook: Outlook<Self>, rays: Rays, excluded: &[u32], mut covers: impl FnMut(u32, i32)) {
         let Outlook { chart, axes, position, .. } = outlook;
         let lines = chart.len();
