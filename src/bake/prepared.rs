@@ -151,8 +151,13 @@ impl<'a> Prepared<'a> {
         self.memories.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
-    /// Keeps it for the next thread, or the next run.
+    /// Keeps it for the next thread, or the next run; not in large meshes, where it grows with all that is ever searched, and new memory
+    /// costs little beside a search.
     pub(super) fn give_back(&self, memory: Memory) {
+        const LARGE: usize = 1 << 20;
+        if self.geometry.triangles.len() > LARGE {
+            return;
+        }
         self.memories.lock().unwrap_or_else(PoisonError::into_inner).push(memory);
     }
 
