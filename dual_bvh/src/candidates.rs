@@ -40,6 +40,14 @@ pub struct Part {
     pub(crate) tables: Range<usize>,
 }
 
+/// Whose contours are wanted, and in which parts, which follow one another.
+#[derive(Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    pub(crate) parts: &'a [Part],
+    pub(crate) receiver: DVec3,
+    pub(crate) excluded: &'a [u32],
+}
+
 /// Edges with two faces each in opposite directions, and their faces, which have numbers of their own in every block: so few, mostly,
 /// that they fit into a table.
 #[derive(Clone, Debug)]
@@ -206,12 +214,12 @@ impl Candidates {
     /// The excluded faces must be among those the tile was given ([`crate::Tile::with_faces`]); otherwise the edges by which they
     /// hang together with the rest may be missing.
     pub fn contours(&self, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_of(&self.parts, receiver, excluded, &mut All, out);
+        self.contours_of(Asked { parts: &self.parts, receiver, excluded }, &mut All, out);
     }
 
     /// The same in one group, which has been searched.
     pub fn contours_in(&self, part: &Part, receiver: DVec3, excluded: &[u32], out: &mut Contours) {
-        self.contours_of(std::slice::from_ref(part), receiver, excluded, &mut All, out);
+        self.contours_of(Asked { parts: std::slice::from_ref(part), receiver, excluded }, &mut All, out);
     }
 
     /// The same, but only contours with ends in different cells, at least one of them not [`OUTSIDE`](crate::OUTSIDE), unless `all` are wanted; and
@@ -231,7 +239,7 @@ impl Candidates {
             // SAFETY: the processor has the features.
             unsafe { self.ends.divide(part.tables.clone(), cells, &mut divided) };
             let mut choice = Apart { divided: &divided, first: part.edges.start, all, tally: Tally::default() };
-            self.contours_of(std::slice::from_ref(part), receiver, excluded, &mut choice, out);
+            self.contours_of(Asked { parts: std::slice::from_ref(part), receiver, excluded }, &mut choice, out);
             let tally = choice.tally;
             out.divided = divided;
             return tally;
@@ -240,7 +248,7 @@ impl Candidates {
         self.keep_apart(cells, all, out)
     }
 
-    /// Drops the contours with ends in one cell, or none.
+    /// Counts contours, and unless `all` are wanted drops those with ends in one cell or [`OUTSIDE`](crate::OUTSIDE).
     pub(crate) fn keep_apart(&self, cells: &[i32], all: bool, out: &mut Contours) -> Tally {
         let (mut tally, mut count) = (Tally::default(), 0);
         let buffer = &mut out.buffer[..out.count];
@@ -254,77 +262,48 @@ impl Candidates {
         tally
     }
 
-    fn contours_of(
-        &self,
-        parts: &[Part],
-        receiver: DVec3,
-        excluded: &[u32],
-        choice: &mut impl Choice,
-        out: &mut Contours,
-    ) {
+    fn contours_of(&self, asked: Asked, choice: &mut impl Choice, out: &mut Contours) {
         #[cfg(target_arch = "x86_64")]
         if crate::features::has_lookup() {
             // SAFETY: the processor has the features.
-            return unsafe { self.contours_lookup(parts, receiver, excluded, choice, out) };
+            return unsafe { self.contours_lookup(asked, choice, out) };
         } else if crate::has_avx512() {
             // SAFETY: the processor has the features.
-            return unsafe { self.contours_avx512(parts, receiver, excluded, choice, out) };
+            return unsafe { self.contours_avx512(asked, choice, out) };
         } else if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has the feature.
-            return unsafe { self.contours_avx2(parts, receiver, excluded, choice, out) };
+            return unsafe { self.contours_avx2(asked, choice, out) };
         }
-        self.contours_inline::<false>(parts, receiver, excluded, choice, out);
+        self.contours_inline::<false>(asked, choice, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx512vbmi,popcnt")]
-    fn contours_lookup(
-        &self,
-        parts: &[Part],
-        receiver: DVec3,
-        excluded: &[u32],
-        choice: &mut impl Choice,
-        out: &mut Contours,
-    ) {
-        self.contours_inline::<true>(parts, receiver, excluded, choice, out);
+    fn contours_lookup(&self, asked: Asked, choice: &mut impl Choice, out: &mut Contours) {
+        self.contours_inline::<true>(asked, choice, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-    pub(crate) fn contours_avx512(
-        &self,
-        parts: &[Part],
-        receiver: DVec3,
-        excluded: &[u32],
-        choice: &mut impl Choice,
-        out: &mut Contours,
-    ) {
-        self.contours_inline::<false>(parts, receiver, excluded, choice, out);
+    pub(crate) fn contours_avx512(&self, asked: Asked, choice: &mut impl Choice, out: &mut Contours) {
+        self.contours_inline::<false>(asked, choice, out);
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    pub(crate) fn contours_avx2(
-        &self,
-        parts: &[Part],
-        receiver: DVec3,
-        excluded: &[u32],
-        choice: &mut impl Choice,
-        out: &mut Contours,
-    ) {
-        self.contours_inline::<false>(parts, receiver, excluded, choice, out);
+    pub(crate) fn contours_avx2(&self, asked: Asked, choice: &mut impl Choice, out: &mut Contours) {
+        self.contours_inline::<false>(asked, choice, out);
     }
 
-    /// `parts` follow one another. With `LOOKUP`, the processor must have the features of [`Pairs`].
+    /// With `LOOKUP`, the processor must have the features of [`Pairs`].
     #[inline(always)]
     pub(crate) fn contours_inline<const LOOKUP: bool>(
         &self,
-        parts: &[Part],
-        receiver: DVec3,
-        excluded: &[u32],
+        asked: Asked,
         choice: &mut impl Choice,
         out: &mut Contours,
     ) {
+        let Asked { parts, receiver, excluded } = asked;
         let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return out.room(0, 0) };
         let faces = first.faces.start..last.faces.end;
         out.room(faces.end, last.edges.end - first.edges.start);

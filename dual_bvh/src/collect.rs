@@ -109,15 +109,11 @@ impl DualBvh {
         for (((x, y), z), &vertex) in x.iter_mut().zip(y).zip(z).zip(vertices) {
             [*x, *y, *z] = self.positions[vertex as usize].to_array();
         }
-        #[cfg(not(target_arch = "x86_64"))]
-        let tables = 0..0;
-        #[cfg(target_arch = "x86_64")]
-        let tables = match has_lookup() {
-            true => out.ends.push(&out.edges[old_edges..out.edge_count], old_vertices),
-            false => 0..0,
-        };
+        #[cfg_attr(not(target_arch = "x86_64"), expect(unused_mut, reason = "no other processor has tables"))]
+        let mut tables = 0..0;
         #[cfg(target_arch = "x86_64")]
         if has_lookup() {
+            tables = out.ends.push(&out.edges[old_edges..out.edge_count], old_vertices);
             out.pairs.room(out.edge_count);
             for block in out.blocks[old_blocks..].iter().filter(|block| block.is_paired()) {
                 let uses = &out.incidences[old_incidences..][2 * (block.edges.start - old_edges)..];

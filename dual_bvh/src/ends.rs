@@ -128,17 +128,14 @@ mod tests {
     use super::*;
     use crate::choice::{OUTSIDE, Tally};
     use crate::features::has_lookup;
+    use crate::pairs::tests::numbers;
 
     #[test]
     fn edges_are_divided_as_one_by_one() {
         if !has_lookup() {
             return;
         }
-        let mut state = 1u64;
-        let mut random = |below: usize| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) as usize % below
-        };
+        let mut random = numbers();
         for cell_count in [2, 100, 300, CELLS as usize] {
             let mut ends = Ends::default();
             let mut vertices = 3;

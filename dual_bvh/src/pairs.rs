@@ -120,21 +120,26 @@ fn table(signs: &[i8]) -> [std::arch::x86_64::__m512i; 4] {
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::choice::All;
     use crate::features::has_lookup;
+
+    /// Random numbers, each below the one given: a linear congruential generator.
+    pub(crate) fn numbers() -> impl FnMut(usize) -> usize {
+        let mut state = 1u64;
+        move |below| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as usize % below
+        }
+    }
 
     #[test]
     fn every_difference_is_found_in_order() {
         if !has_lookup() {
             return;
         }
-        let mut state = 1u64;
-        let mut random = |below: usize| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) as usize % below
-        };
+        let mut random = numbers();
         let mut pairs = Pairs::default();
         for faces in [1, 2, 63, 64, 65, 700, 1024, 1025, 2047, FACES] {
             for (start, count) in [(0, 0), (3, 1), (0, 63), (7, 64), (1, 65), (5, 1000)] {

@@ -253,6 +253,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::candidates::Asked;
     use crate::choice::{All, OUTSIDE};
     use crate::{BuildOptions, Contours};
 
@@ -292,13 +293,8 @@ mod tests {
                 .collect();
             for part in candidates.parts() {
                 let tally = candidates.contours_apart(part, &cells, false, p, &[3, 4], &mut contours);
-                portable.contours_inline::<false>(
-                    std::slice::from_ref(part),
-                    p,
-                    &[3, 4],
-                    &mut All,
-                    &mut portable_contours,
-                );
+                let asked = Asked { parts: std::slice::from_ref(part), receiver: p, excluded: &[3, 4] };
+                portable.contours_inline::<false>(asked, &mut All, &mut portable_contours);
                 assert_eq!(portable.keep_apart(&cells, false, &mut portable_contours), tally);
                 assert_eq!(contours.edges(), portable_contours.edges());
                 assert!(0 < tally.apart && tally.apart < tally.inside && tally.inside < tally.contours);
@@ -309,20 +305,19 @@ mod tests {
                     assert_eq!(contours.signs(), portable.signs());
                     assert_eq!(contours.edges(), portable.edges());
                 };
-                portable.contours_inline::<false>(portable.parts(), p, excluded, &mut All, &mut portable_contours);
+                let asked = Asked { parts: portable.parts(), receiver: p, excluded };
+                portable.contours_inline::<false>(asked, &mut All, &mut portable_contours);
                 agree(&portable_contours);
                 #[cfg(target_arch = "x86_64")]
                 if is_x86_feature_detected!("avx2") {
                     // SAFETY: the processor has the feature.
-                    unsafe { portable.contours_avx2(portable.parts(), p, excluded, &mut All, &mut portable_contours) };
+                    unsafe { portable.contours_avx2(asked, &mut All, &mut portable_contours) };
                     agree(&portable_contours);
                 }
                 #[cfg(target_arch = "x86_64")]
                 if crate::has_avx512() {
                     // SAFETY: the processor has the features.
-                    unsafe {
-                        portable.contours_avx512(portable.parts(), p, excluded, &mut All, &mut portable_contours)
-                    };
+                    unsafe { portable.contours_avx512(asked, &mut All, &mut portable_contours) };
                     agree(&portable_contours);
                 }
             }
